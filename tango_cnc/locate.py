@@ -278,7 +278,8 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
         if len(met) == len(readings.status) and (size := _grown(facets, tip, radius, agrees)):
             raise InputError(f"{off}{agrees:g} mm. {size}")
         raise InputError(
-            f"{off}{agrees:g} mm. Was another facet touched, or something that is not the table? {advice(plan)}."
+            f"{off}{agrees:g} mm. Was another facet touched, or something that is not the table? Is the probe "
+            f"{plan.machine.probe.length:g} mm long, as machine.yaml has it? If so: {advice(plan)[0].lower()}{advice(plan)[1:]}."
             f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)

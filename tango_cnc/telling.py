@@ -27,6 +27,18 @@ def unseen(artefact: Artefact, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(key for key, facet in flat.items() if float((touched @ np.array(facet.normal)).max()) < SAME_SIDE)
 
 
+def unseen_by(artefact: Artefact, names: Sequence[str], hidden: Sequence[str]) -> tuple[float, str]:
+    """artefact, touched facets, facets on sides where no touch was → mm along its normal by which the worst of these is elsewhere
+    on a table that is 1 % larger and placed by these touches, and which; 0 for none.
+    """
+    if not hidden or weakest(artefact, names) <= 1e-3:
+        return 0.0, ""
+    (told, grows), (rows, by) = (_shown([artefact.facets[name] for name in some], np.zeros(3)) for some in (names, hidden))
+    off = np.abs(OTHER_SIZE * (by - rows @ np.linalg.pinv(told) @ grows))
+    worst = int(np.argmax(off))
+    return float(off[worst]), hidden[worst]
+
+
 @dataclass(frozen=True)
 class OtherSize:
     """What a table of another size than its file's may do unseen: how far edges are beside, how far it is turned, by what share."""

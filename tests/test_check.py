@@ -164,7 +164,7 @@ def test_what_plan_refuses_is_said_in_its_words_and_what_is_left_is_checked(
     assert call("plan", "-C", cell) == 2
     assert found["refused"] in capsys.readouterr().err
     assert call("check", "-C", cell) == 1
-    assert "'tango plan' refuses this cell:" in capsys.readouterr().out
+    assert "what 'tango plan' refuses of this cell:" in capsys.readouterr().out
 
 
 def test_a_travel_that_is_exceeded_is_an_error_with_the_touch(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

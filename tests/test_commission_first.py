@@ -38,7 +38,8 @@ def called(cell: Path, answers: str, monkeypatch: pytest.MonkeyPatch, *more: str
     monkeypatch.setattr(sys, "stdin", Terminal(answers))
     with socket.create_server(("127.0.0.1", 0)) as control:
         control.settimeout(0.3)
-        port = f"tcp://127.0.0.1:{control.getsockname()[1]}"
+        turning = "?orient=m19" if "grbl" in (cell / "tango.yaml").read_text(encoding="utf-8") else ""
+        port = f"socket://127.0.0.1:{control.getsockname()[1]}{turning}"
         code = guarded(tango.main, ["commission", "-C", str(cell), "--port", port, *more], prog_name="tango", standalone_mode=False)
         try:
             control.accept()[0].close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import shutil
@@ -15,6 +16,7 @@ from support.proof_parts import keys_of
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._common import dialect
+from tango_cnc.commands._handed import COMMAND
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission import experiments
 from tango_cnc.files import read_cell
@@ -110,3 +112,55 @@ def test_before_touches_no_command_is_named_that_does_not_try_what_is_left(
         (said,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("'tango commission"))
         at = f" -C {folder} --port socket://127.0.0.1:9"
         assert at in said and says in said.replace(at, "") and said.count("tango") == 1
+
+
+SOURCES = Path(__file__).parents[1] / "tango_cnc" / "commands"
+WITHOUT = ("_night", "_simulated", "nightly", "serve", "accept", "report", "fleet", "trust", "_trusted")  # pages, no -C
+
+
+def test_commands_that_results_hand_out_are_whole(
+    cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """'tango iso230' says why, it said: of the folder where the person stood, which was another one."""
+    monkeypatch.chdir(cell.parent)
+    handed: dict[str, int] = {}
+    for words in (
+        ("check",),
+        ("simulate",),
+        ("estimate",),
+        ("iso230",),
+        ("plan", "--post", "fanuc"),
+        ("history", "list"),
+        ("journal", "list"),
+    ):
+        name = words[0]
+        assert call(*words, "-C", cell.name) in (0, 1, 2), words
+        said = "".join(capsys.readouterr())
+        assert all(f"-C '{cell.name}'" in found for found in re.findall(r"Next: .*", said)), said
+        for found in commands(re.sub(r"\b(what|that|as|of|by|a|another) '(tango [a-z]+)'", "a name", said)):
+            assert found[found.index("-C") + 1] == cell.name if "-C" in found else found[1] in ("trust", "ports"), found
+            handed[name] = handed.get(name, 0) + 1
+    assert {"check", "estimate", "plan", "history", "journal"} <= {*handed}, handed
+
+
+def test_a_source_that_names_a_command_hands_it_out_whole() -> None:
+    """A new sentence with a command in it goes through `whole`, or is raised, which makes it whole as well."""
+    found = []
+    for source in sorted(SOURCES.glob("*.py")):
+        if source.stem.startswith(WITHOUT):
+            continue
+        tree = ast.parse(source.read_text(encoding="utf-8"))
+        raised = {id(part) for node in ast.walk(tree) if isinstance(node, ast.Raise) for part in ast.walk(node)}
+        told = {id(part) for node in ast.walk(tree) if isinstance(node, ast.Call) and shows(node) for part in ast.walk(node)}
+        for node in ast.walk(tree):
+            text = node.value if isinstance(node, ast.Constant) else None
+            if isinstance(text, str) and COMMAND.search(text) and id(node) in told - raised:
+                found.append(f"{source.name}:{node.lineno}: {text}")
+    assert found == []
+
+
+def shows(node: ast.Call) -> bool:
+    """call → whether it writes to the screen as it is, without making commands whole."""
+    name = ast.unparse(node.func)
+    inner = {ast.unparse(part.func) for part in ast.walk(node) if isinstance(part, ast.Call)}
+    return name in ("click.echo", "said") and not inner & {"whole", "_handed.whole"}

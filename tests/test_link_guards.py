@@ -357,16 +357,18 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     wanted = Wanted("modbus+tcp://localhost:1/1?run=program", "dnc", "fanuc", tmp_path / "readings.csv")
 
     def seen(step):
-        if step.remark and "now" in step.remark:
+        if step.remark and ("now" in step.remark or "part" in step.remark):
             order.append(step.remark)
 
     origin = measure(cell, made, wanted, lambda part: parts, seen, brought)
     assert (origin["ok"], origin["missing"]) == (60, [])
     assert order == [
-        "part 1 of 2: 30 touches; the control has to have O8700.nc now: it is not sent; the file is of yesterday",
+        "part 1 of 2: 30 touches; the file is of yesterday",
         "asked",
-        "part 2 of 2: 30 touches; the control has to have O8701.nc now: it is not sent",
+        "the control has to have O8700.nc now: it is not sent",
+        "part 2 of 2: 30 touches",
         "asked",
+        "the control has to have O8701.nc now: it is not sent",
     ]
 
 

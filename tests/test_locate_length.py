@@ -112,3 +112,32 @@ def test_a_command_that_is_handed_out_states_again_what_was_stated(tmp_path: Pat
     assert f"'tango locate -C {folder} --within 15 --agrees 0.3 --readings {file} --length 240'" in refused.err, refused.err
     program = Result("locate", "-C", folder, "--program", "--within", 10)
     assert f"Then \"tango locate -C {folder} --within 10 --port '" in program.out, program.out
+
+
+def test_of_walls_that_no_touch_sees_it_is_said_by_how_much_a_larger_table_has_them_elsewhere(tmp_path: Path) -> None:
+    """1 % larger, placed, exit status 0: four walls were 3 mm beside, and the text did not say how much that is."""
+    folder, cell, made = _cycle(tmp_path, "trunnion")
+    larger = {key: replace(facet, point=tuple(1.01 * v for v in facet.point)) for key, facet in cell.artefact.facets.items()}
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(made, true=replace(cell.artefact, facets=larger))))
+    placed = Result("locate", "-C", folder, "--readings", file, "--length", cell.machine.probe.length, "--agrees", 0.3)
+    assert placed.code == 0, placed.err
+    found = read_artefact(folder / "locate" / "artefact.yaml").facets
+    names = placed.out.split("on the side of facets ")[1].split(":")[0].split(", ")
+    away = {n: abs(np.dot(larger[n].normal, np.subtract(found[n].point, larger[n].point))) for n in names}
+    said = re.search(r"On one that is 1 % larger facet (\w+), the worst, is ([\d.]+) mm beside that", placed.out)
+    assert said is not None, placed.out
+    assert float(said[2]) == pytest.approx(max(away.values()), abs=0.05) == pytest.approx(away[said[1]], abs=0.05)
+    assert float(said[2]) > 2.0
+
+
+def test_a_refusal_asks_for_the_length_of_the_probe(tmp_path: Path) -> None:
+    """A stylus that was 20 mm too long met walls with its stem: another facet was asked for, and a rule."""
+    folder, cell, made = _cycle(tmp_path, "trunnion")
+    file, scatter = tmp_path / "touches.csv", np.random.default_rng(1)
+    facets = cell.artefact.facets
+    loose = {key: replace(f, point=tuple(np.add(f.point, scatter.normal(0, 3.0, 3)))) for key, f in facets.items()}
+    file.write_text(readings_text(touched(made, true=replace(cell.artefact, facets=loose))))
+    refused = Result("locate", "-C", folder, "--readings", file)
+    length = cell.machine.probe.length
+    assert refused.code == 1 and f"Is the probe {length:g} mm long, as machine.yaml has it? If so: measure the place" in refused.err

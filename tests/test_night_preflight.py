@@ -178,7 +178,7 @@ def test_a_dry_run_leaves_no_file(cell: Path) -> None:
 def test_a_history_without_a_night_says_what_adds_one(cell: Path) -> None:
     with opened(cell / "history.db"):
         pass
-    assert "it holds no night yet; 'tango nightly' adds one" in Result("history", "list", "-C", cell).err
+    assert f"it holds no night yet; 'tango nightly -C {cell}' adds one" in Result("history", "list", "-C", cell).err
 
 
 HELLO = "HELLO ACK tango 1.1\r\nESTOP OFF\r\nMACHINE ON\r\nPROGRAM_STATUS {}\r\n"

@@ -16,6 +16,7 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.records import Cell, World
+from tango_cnc.report.tonight import is_gone
 
 FIRST = datetime(2026, 1, 1, 2, tzinfo=UTC)
 SETTINGS = Nightly(diagnose=False)
@@ -74,3 +75,30 @@ def test_a_repair_is_measured_by_a_probe_that_scatters_as_far_as_that_goes(root:
     else:
         (helped,) = record["repaired"]
         assert not machine and abs(helped["size"]) < 4 * helped["std"] and "in part" not in record["headline"]
+
+
+def test_scatter_that_goes_on_is_one_alarm_and_gone_again_with_the_first_sound_night(root: Path, tmp_path: Path) -> None:
+    """Two nights of it were two alarms, "more open alarms: 1"; sound again, single touches "scatter by 8.56 µm" in the mail."""
+    cell, truth = small(root)
+    with opened(tmp_path / "history.db") as history:
+        *_, (_, now) = nights(cell, truth, history, QUIET, 1, Story(), SETTINGS, FIRST)
+        bad, day = replace(now, noise=TIMES * now.noise), FIRST + timedelta(days=QUIET)
+        (found, _), (on, worse) = nights(cell, bad, history, 2, 51, Story(), SETTINGS, day)
+        well = replace(worse, noise=now.noise)
+        ((sound, then),) = nights(cell, well, history, 1, 61, Story(), SETTINGS, day + timedelta(days=2))
+        ((again, _),) = nights(
+            cell, replace(then, noise=TIMES * now.noise), history, 1, 71, Story(), SETTINGS, day + timedelta(days=3)
+        )
+        unanswered = history.open_alarms(cell.machine.name)
+    (first,), (second,) = found["alarms"], on["alarms"]
+    assert (second["id"], second["since"]) == (first["id"], first["since"]) and "goes_on" in second
+    assert f"the alarm of {found['night']} goes on" in on["headline"] and "more open alarms" not in on["headline"]
+    (standing,) = sound["standing"]
+    assert standing["id"] == first["id"] and is_gone(standing["now"]) and "single touches scattered by" in standing["text"]
+    subject, mail = message(sound, (), ())
+    assert "STILL CHANGED" not in subject and "scattered by" in mail and "gone again: they scatter by" in mail
+    assert "touches scatter by" not in mail.replace("they scatter by", "")
+    (third,) = again["alarms"]
+    assert third["id"] != first["id"] and "goes_on" not in third
+    (older,) = again["standing"]
+    assert is_gone(older["now"]) and len(unanswered) == 2

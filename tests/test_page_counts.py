@@ -122,6 +122,8 @@ def test_metrics_count_what_is_one_cause_once_also_without_an_answer(tmp_path: P
     assert all(f'tango_machine_alarms_{n}{{machine="{M}"}} 1' in text for n in ("open", "unanswered"))
     (machine,) = told("fleet", str(place))["machines"]
     assert (machine["alarms_unanswered"], machine["alarms_open"], machine["alarms_held"]) == (2, 2, 0)
+    line = CliRunner().invoke(tango, ["fleet", str(place)]).output.splitlines()[1]
+    assert re.search(r"changed +1 ", line), line  # its table had two
 
 
 @pytest.mark.parametrize("older", ["", "acknowledge"])

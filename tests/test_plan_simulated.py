@@ -41,7 +41,7 @@ def test_a_strategy_that_cannot_be_planned_is_simulated_and_that_is_said(folder:
     assert Result("plan", "-C", folder).code == 2
     result = Result("simulate", "-C", folder, "--json", "-")
     assert result.code == 0 and not json.loads(result.out)["planned"]
-    assert "the strategy cannot be planned ('tango plan' says why)" in result.err
+    assert f"the strategy cannot be planned ('tango plan -C {folder}' says why)" in result.err
 
 
 def test_a_last_motion_has_the_size_of_the_move() -> None:

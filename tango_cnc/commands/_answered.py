@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..records import Machine
 from ..report.answer import Answer, by_newer
@@ -11,6 +13,9 @@ from ..report.newer import NewerAnswer
 from ..report.texts import Texts
 from ..report.units import Units
 from ..texts import unstopped
+
+if TYPE_CHECKING:
+    from ..history import History
 
 
 def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswer | None, t: Texts) -> Answer | None:
@@ -32,3 +37,18 @@ def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswe
 def in_short(told: Answer) -> Sequence[str]:
     """answer → its numbers, and what newer readings have otherwise than the night, as parts of a line."""
     return [unstopped(x) for x in (told.numbers, told.moved) if x]
+
+
+def unanswered(history: History, machine: str, axes: Machine | None, before: Mapping[str, Any] | None, t: Texts) -> int:
+    """history, machine with a night, its chain of axes, record of the last night that measured where the newest did not, texts →
+    alarms without an answer as its page counts them: what is one cause counts once.
+    """
+    from ..history import compensations
+    from ..report.faults import earlier, faults, still_open, unclosed
+
+    today = datetime.now().astimezone().strftime("%Y-%m-%d")
+    record = history.night(history.nights(machine, last=1)[0].entry).record
+    alarms, decisions = unclosed(history, machine, today)
+    happened = compensations(history, machine)
+    found = faults(record, earlier(alarms), decisions, Units(), t, axes, before, today, happened)
+    return sum(a["decision"] is None for a in still_open(found))

@@ -10,6 +10,7 @@ import click
 
 from .. import commission
 from ..link.lock import holding
+from ..link.measure import fitting
 from ..plan import plan
 from ..records import Array, Cell
 from ._common import address_of, asks_for_a_finger, controller_of
@@ -17,7 +18,7 @@ from ._handed import whole
 from ._live import Live
 from ._proofs import told
 from ._start import misses_of
-from ._written import conducted, written
+from ._written import conducted, said_beside, written
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -41,15 +42,18 @@ def touched(
 
     Raises InputError before anything moves, LinkError where a program does not come to its end: then nothing is proven.
     """
+    address = None if only_program else address_of(cell, port, post.link)
     slow = commission.touching(plan(cell))
+    if address is not None:
+        fitting(address, post.link, slow)
     plans = {"slow": slow, "quick": commission.quicker(slow)}
     options = asks_for_a_finger(controller_of(cell).options)
     ready = {name: written(cell, cell.folder / FOLDER / name, post, made, options) for name, made in plans.items()}
-    if only_program:
+    if address is None:
         for programs in ready.values():
+            said_beside(programs)
             click.echo(whole(f"{programs[0].file}: 'tango commission --touch' with the port of the cell runs it"))
         return
-    address = address_of(cell, port)
     places: dict[str, dict[int, Array]] = {}
     gate = str(options.get("gate", "finger"))
     with holding(cell.folder, "tango commission"), Live(None) as live:

@@ -78,7 +78,7 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
                 if other != what and same(file, path):
                     raise InputError(f"{what}: found {file}, which {other} names too; allowed: a file of its own for each")
             spared(what, file, given["folder"], replaces=kind.replaces)
-        with handed(names=True):
+        with handed():
             return call(**given)
 
     return kept
@@ -107,10 +107,12 @@ json_option: Decorator = click.option(
 )
 
 
-def ahead(folder: Path, *commands: str) -> None:
-    """cell, commands → says on stderr what comes next, as it is typed."""
+def ahead(folder: Path, *commands: str, first: str = "") -> None:
+    """cell, commands, what has to be done before them → says on stderr what comes next, as it is typed."""
     where = "" if folder == Path() else f" -C {pasted(folder)}"
-    click.echo(f"Next: {', then '.join(f'tango {command}{where}' for command in commands)}", err=True)
+    click.echo(
+        f"Next: {f'{first}, then ' if first else ''}{', then '.join(f'tango {command}{where}' for command in commands)}", err=True
+    )
 
 
 def folders_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -167,13 +169,19 @@ def controller_of(cell: Cell) -> Controller:
     return cell.controller
 
 
-def address_of(cell: Cell, port: str | None) -> str:
-    """cell, --port → the port of its control. Raises InputError when neither states one."""
+def address_of(cell: Cell, port: str | None, link: str) -> str:
+    """cell, --port, protocol of the post → the port of its control, before any work is done for it.
+
+    Raises InputError when neither states one, and for one that no run can use.
+    """
+    from ..link.measure import usable
+
     address = port if port is not None else cell.controller.port if cell.controller else None
     if address is None:
         raise InputError(
             f"{cell.folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
         )
+    usable(address, link)
     return address
 
 

@@ -6,12 +6,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from ..compensate import loop
 from ..files import read_cell
 from ..files.nightly import history_of, read_nightly
 from ..records import TangoError
+from ._handed import printed
 
 if TYPE_CHECKING:
     from ..history import History
@@ -31,7 +30,7 @@ def recorded(folder: Path, history: History | None = None) -> None:
             with nullcontext(history) if history is not None else opened(place) as found:
                 add_compensations(found, read_cell(folder).machine.name, str(folder.resolve()), events)
     except TangoError as error:
-        click.echo(
+        printed(
             f"{error}\n{folder / loop.FOLDER / loop.HISTORY} has the events; the next 'tango compensate' or "
             "'tango nightly' adds it to the history.",
             err=True,

@@ -17,8 +17,10 @@ from click.core import ParameterSource
 from ..records import TangoError
 
 COMMAND = re.compile(  # to be typed, and not named as who wrote a file or is at work; a word of it may be quoted for the shell
-    r"(?<!what )(?<!that )(?<!as )(?<!As )'(tango [a-z][a-z-]*(?: (?:'[^']*'|[^'\s]+))*)'(?! \(process)"
+    r"(?<!what )(?<!that )(?<!as )(?<!As )'(tango [a-z][a-z0-9-]*(?: (?:'[^']*'|[^'\s]+))*)'(?! \(process)"
 )
+
+DOER = re.compile(r"\b(?:of|by|a|another|the next|while) $", re.IGNORECASE)  # before the name of one
 
 
 def typed(*without: str) -> str:
@@ -38,22 +40,27 @@ class Kept:
 NOTHING = Kept()
 
 
-def whole(said: str, kept: Kept = NOTHING, *, names: bool = False, **places: object) -> str:
+def whole(said: str, kept: Kept = NOTHING, **places: object) -> str:
     """a sentence with commands in quotation marks, what holds for the next call, words that stand for others → the same.
 
     Each command has the folder and the port that were stated here, and this one what else holds, but for what it states anew.
-    `names`: commands without options stay as they are, as they may be the names of what has done something.
+    One without options that the sentence names as who has done or made something stays as it is.
     """
-    return COMMAND.sub(lambda found: found[0] if names and found[1].count(" ") == 1 else _quoted(found[1], kept, places), said)
+
+    def found(one: re.Match[str]) -> str:
+        doer = one[1].count(" ") == 1 and DOER.search(said[: one.start()])
+        return one[0] if doer else _quoted(one[1], kept, places)
+
+    return COMMAND.sub(found, said)
 
 
 @contextmanager
-def handed(kept: Kept = NOTHING, names: bool = False) -> Iterator[None]:
-    """what holds for the next call, `names` as in `whole` → within it, the commands in what is raised are whole."""
+def handed(kept: Kept = NOTHING) -> Iterator[None]:
+    """what holds for the next call → within it, the commands in what is raised are whole."""
     try:
         yield
     except TangoError as error:
-        error.args = (whole(str(error), kept, names=names),)
+        error.args = (whole(str(error), kept),)
         raise
 
 
@@ -83,20 +90,29 @@ def _quoted(command: str, kept: Kept, places: Mapping[str, object]) -> str:
 
 def _whole(words: Sequence[str], kept: Kept) -> str:
     context = click.get_current_context()
-    name, new = words[1], list(words[2:])
-    command = context.command if name == context.info_name else _command(context, name)
+    command, names, new = _command(context, words)
     if command is None or not any("-C" in option.opts for option in command.params):
         return shlex.join(words)
     anew = [str(option.name) for option in command.params if any(word in option.opts for word in new)]
     anew += [other for option in anew for other in kept.apart.get(option, ())]
-    at_the_control = {"port"} & {str(option.name) for option in command.params}
-    only = {"folder", *at_the_control, *(kept.names if command is context.command else ())}
-    return shlex.join(["tango", name, *_stated(context, anew, only), *new])
+    shared = {"port", "where"} & {str(option.name) for option in command.params}  # the control, the history
+    only = {"folder", *shared, *(kept.names if command is context.command else ())}
+    return shlex.join(["tango", *names, *_stated(context, anew, only), *new])
 
 
-def _command(context: click.Context, name: str) -> click.Command | None:
-    group = context.find_root().command
-    return group.get_command(context, name) if isinstance(group, click.Group) else None
+def _command(context: click.Context, words: Sequence[str]) -> tuple[click.Command | None, list[str], list[str]]:
+    """words of a command line → the command, None where there is none; the words that name it; the rest."""
+    command: click.Command | None = context.find_root().command
+    names, rest = [], list(words[1:])
+    while isinstance(command, click.Group) and rest:
+        names.append(rest.pop(0))
+        command = command.get_command(context, names[-1])
+    return command, names, rest
+
+
+def printed(text: str, err: bool = False) -> None:
+    """text, whether it goes to stderr → on the screen; commands in it are whole."""
+    click.echo(whole(text), err=err)
 
 
 def _stated(context: click.Context, without: Collection[str], only: Collection[str] | None = None) -> Iterator[str]:
@@ -105,7 +121,7 @@ def _stated(context: click.Context, without: Collection[str], only: Collection[s
         name = option.name or ""
         if name in without or (only is not None and name not in only):
             continue
-        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+        if context.get_parameter_source(name) not in (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP):  # of the group
             continue
         yield spelt(option)
         if not (isinstance(option, click.Option) and option.is_flag):

@@ -249,7 +249,7 @@ class RealControl:
         return PreflightPoint("control", bool(fine), said, "" if fine else say("preflight.world.see_tango_link_test"))
 
     def _address(self) -> str:
-        return address_of(self.cell, self.port)
+        return address_of(self.cell, self.port, dialect(self.cell).link)
 
     def planned(self, kind: str, touches: Sequence[int]) -> Plan:
         """kind of night, touches of the strategy (empty: all) → its plan."""

@@ -26,33 +26,42 @@ from ..nc.follow import Setup, zero_of
 from ..nc.predict import Way, touched_of
 from ..nc.program import Account, RewriteSettings, compensated, made_with, mark_text, tools_of
 from ..records import Cell, InputError
-from ._common import dialect
+from ._beside import beside
+from ._common import Decorator, dialect
 
 path = click.Path(path_type=Path)
 
 
-def setup_options(call: Any) -> Any:
-    """function of a command → the same with what a program does not say: language, zero, tools."""
-    for option in reversed(
-        [
-            click.option("--language", metavar="NAME", help="Of the program; default: by its text and the cell's dialect."),
-            click.option(
-                "--zero", metavar="X=…,Y=…,Z=…", help="Machine coordinates of the program's zero, no tool length in them."
-            ),
-            click.option(
-                "--tool-length",
-                type=click.FloatRange(0, min_open=True),
-                metavar="MM",
-                help="Of every tool [default: that of the probe].",
-            ),
-            click.option("--tool", "tools", multiple=True, metavar="N=MM", help="Length of tool N; repeatable."),
-            click.option(
-                "--metric-absolute", is_flag=True, help="The control is set to mm and absolute; needed where no block states it."
-            ),
-        ]
-    ):
-        call = option(call)
-    return call
+def setup_options(*acts: str) -> Decorator:
+    """beside what they act, where not by themselves → decorator: what a program does not say: language, zero, tools."""
+
+    option_of = beside(*acts)
+
+    def decorated(call: Any) -> Any:
+        for option in reversed(
+            [
+                option_of("--language", metavar="NAME", help="Of the program; default: by its text and the cell's dialect."),
+                option_of(
+                    "--zero", metavar="X=…,Y=…,Z=…", help="Machine coordinates of the program's zero, no tool length in them."
+                ),
+                option_of(
+                    "--tool-length",
+                    type=click.FloatRange(0, min_open=True),
+                    metavar="MM",
+                    help="Of every tool [default: that of the probe].",
+                ),
+                option_of("--tool", "tools", multiple=True, metavar="N=MM", help="Length of tool N; repeatable."),
+                option_of(
+                    "--metric-absolute",
+                    is_flag=True,
+                    help="The control is set to mm and absolute; needed where no block states it.",
+                ),
+            ]
+        ):
+            call = option(call)
+        return call
+
+    return decorated
 
 
 def setup_of(cell: Cell, options: dict[str, Any]) -> Setup:

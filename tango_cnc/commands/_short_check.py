@@ -43,7 +43,7 @@ from ..records import Cell, InputError, Readings
 from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
-from ._handed import pasted
+from ._handed import pasted, printed
 from ._present import ended, rows, whose_is
 from ._trust import told
 from .check import positioning_feed
@@ -156,7 +156,7 @@ def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) 
     few = read_readings(file, cell.machine, cell.artefact)
     own = _check_of(cell, kept, few) or (file.parent if (file.parent / loop.CELL).exists() else cell.folder)
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
-        click.echo(line, err=True)
+        printed(line, err=True)
     asked = _asked(cell, kept, _days(kept, ended(file)), options)
     places = switched(kept.record, asked.held)
     if places and options["tcp"] is None:
@@ -264,7 +264,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
         "rows_not_met": {one.table: one.missed(found.made) for one in found.tables},
     }
     if not write_json(options["json_file"], data):
-        click.echo(_text(cell, kept, asked, found, place))
+        printed(_text(cell, kept, asked, found, place))
         if state == "proposed":
             click.echo(
                 "not yet noted as in the control: before it is measured, "

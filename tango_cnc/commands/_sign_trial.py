@@ -19,7 +19,7 @@ from ..records import Cell, InputError, TangoError
 from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
-from ._handed import pasted
+from ._handed import pasted, printed
 from ._present import ended, rows, whose_is
 
 BLIND = "no touch feels this change, whatever its sign, so these readings say nothing of it"
@@ -92,7 +92,7 @@ def judged(cell: Cell, options: dict[str, Any]) -> int:
     data = {"format": "tango-sign-trial/1", "verdict": found.word, "ratio": round(found.ratio, 4), "touches": found.touches}
     if not write_json(options["json_file"], data):
         blind = places and not options["tcp"]
-        click.echo(f"made without tool center point control: {BLIND}. {WITHOUT}" if blind else _compensate.sign(found, flips))
+        printed(f"made without tool center point control: {BLIND}. {WITHOUT}" if blind else _compensate.sign(found, flips))
     return 0 if found.word == "as assumed" else TangoError.exit_code
 
 

@@ -41,7 +41,8 @@ def unproven_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> list[st
 def _left(cell: Cell, post: Post, trying: Collection[str]) -> list[Experiment]:
     from ._proofs import proven, unproven
 
-    return [e for e in unproven(proven(cell, post)) if e.danger <= DANGEROUS and e.belief not in trying]
+    there = [e for e in unproven(proven(cell, post)) if cell.machine.rotary or "rotary" not in e.on]
+    return [e for e in there if e.danger <= DANGEROUS and e.belief not in trying]
 
 
 def tries_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> str:

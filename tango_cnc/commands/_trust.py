@@ -10,6 +10,7 @@ import click
 from ..judgement import Judgement, Suspicion
 from ..judging import suspected
 from ..records import TangoError
+from ._handed import printed
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -27,7 +28,7 @@ def usable(judgement: Judgement, despite: bool, what: str) -> None:
     if status(judgement, despite):
         raise TangoError(f"{what}: the estimate is {_why(judgement)} and is not used (--despite uses it all the same)\n{lines}")
     if lines:
-        click.echo(lines, err=True)
+        printed(lines, err=True)
 
 
 def status(judgement: Judgement, despite: bool) -> int:

@@ -25,7 +25,7 @@ from ..report import pictures
 from ..verify import cmm, held_out, sphere, summary, volume
 from ..verify.apart import apart
 from ._common import table, write_json
-from ._handed import pasted
+from ._handed import pasted, printed
 from ._trust import members, status, told
 from .iso230 import thermal_of
 
@@ -312,7 +312,7 @@ class Verification:
             file = pictures.write(drawn, folder / f"{name}.png")
             click.echo(f"picture: {file}", err=True)
         if not write_json(self.options.json_file, self.data):
-            click.echo("\n".join(self.lines))
+            printed("\n".join(self.lines))
         return int(bool(failed))
 
 

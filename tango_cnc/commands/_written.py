@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -37,15 +37,15 @@ def written(cell: Cell, target: Path, post: Post, made: Plan, options: Mapping[s
     files: dict[Path, Content] = {target / p.name: p.lines for p in found}
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
-    say_beside(target, posts.companions(post, made, options))
     return [replace(p, file=str(target / p.name)) for p in found]
 
 
-def say_beside(folder: Path, names: Iterable[str]) -> None:
-    """folder, names of files that travel with a program → said, as no link puts them at the control."""
-    if found := sorted(names):
-        them = "them" if len(found) > 1 else "it"
-        click.echo(f"{', '.join(found)} in {folder}: the control needs {them} too, once; docs/dialects.md says where", err=True)
+def said_beside(programs: Sequence[Program]) -> None:
+    """programs that are written and not sent → says which files go to the control with them, where there are any."""
+    from ..program import beside_of
+
+    if programs[0].beside:
+        click.echo(beside_of(programs[0]), err=True)
 
 
 def conducted(

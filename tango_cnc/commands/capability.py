@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from .. import capability
 from ..capability import CapabilitySettings, Kind
@@ -18,19 +19,22 @@ from ..files.origin import current
 from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
+from ._beside import beside
 from ._common import Output, cell_option, json_option, table, write_json
 from ._handed import pasted
 
 PLACE = "Understand 60"  # in the list of commands
 UNITS = {"duration": " (s)", "tau": " (s)", "temperature": " (K)", "per_kelvin": " (µm/K)", "per_kelvin_std": " (µm/K)"}
 
+OF = {"window": ("repeatability", "grid"), "block": ("wetness",), "last": ("wetness",), "after": ("probe",)}  # kinds by option
+
 
 @click.command()
 @click.argument("kind", type=click.Choice(capability.KINDS))
 @cell_option
 @click.option("--cell", "target", type=click.Path(path_type=Path), metavar="DIR", help="Write the cell that measures it, and stop.")
-@click.option("--facets", default="", metavar="3,5", help="With --cell: these facets [default: one for every direction].")
-@click.option("--repetitions", type=click.IntRange(2), help="With --cell: touches or cycles [default: those of the thesis].")
+@beside("--cell")("--facets", default="", metavar="3,5", help="With --cell: these facets [default: one for every direction].")
+@beside("--cell")("--repetitions", type=click.IntRange(2), help="With --cell: touches or cycles [default: those of the thesis].")
 @click.option(
     "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
 )
@@ -67,14 +71,15 @@ def command(
     First --cell writes a cell whose program measures it; plan, run or simulate it as any other. Then the analysis of its
     readings: with -C that cell.
     """
+    for option, kinds in OF.items():
+        if kind not in kinds and click.get_current_context().get_parameter_source(option) is ParameterSource.COMMANDLINE:
+            raise InputError(f"--{option}: found capability {kind}; allowed: capability {' or '.join(kinds)}")
     cell = read_cell(folder)
     if target is not None:
         _write_cell(cell, kind, CapabilitySettings(tuple(f for f in facets.split(",") if f), repetitions), target)
         return
     readings = read_readings(current(folder, file), cell.machine, cell.artefact)
     touches = from_readings(cell.machine, cell.artefact, readings)
-    if after is not None and kind != "probe":
-        raise InputError(f"--after: found capability {kind}; allowed: capability probe")
     results = _analyse(kind, touches, window, block, last)
     verdicts = {}
     if after is not None:

@@ -24,6 +24,7 @@ from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
 from ._common import Output, ahead, cell_option, dialect, json_option, table, write_json, writing
+from ._handed import printed
 from ._plan import obstructed_option
 from ._stylus import with_second
 
@@ -73,7 +74,7 @@ def command(
         data = check(cell, plans[0], asked, degree, positioning_feed(cell), proven, plans[1:])
     data["refused"] = refused
     if not write_json(json_file, data):
-        click.echo(as_text(cell, data))
+        printed(as_text(cell, data))
         if refused is None:
             ahead(folder, "plan" if cell.controller is not None else "simulate")
     return int(refused is not None or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
@@ -111,11 +112,10 @@ def _postable(cell: Cell, made: Plan) -> float | None:
 
 
 def _port(port: str, link: str, made: Plan) -> None:
-    from ..link.measure import protocol_of
+    from ..link.measure import fitting
 
     try:
-        module, address = protocol_of(port, link)
-        module.Client.fits(made, address.options)  # else 'tango run' would be the first to refuse it
+        fitting(port, link, made)  # else 'tango run' would be the first to refuse it
     except InputError as error:
         raise InputError(f"controller.port: found {port!r}, in it {str(error).removeprefix(f'port {port!r}: ')}") from None
 
@@ -229,7 +229,8 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
     ]
     lines += drawn_lines(data["drawings"])
-    lines += ["'tango plan' refuses this cell:", *(f"  {line}" for line in data["refused"].splitlines())] if data["refused"] else []
+    refused = (data["refused"] or "").splitlines()
+    lines += ["what 'tango plan' refuses of this cell:", *(f"  {line}" for line in refused)] if refused else []
     if left_out := data["left_out"]:
         lines.append(f"a straight stylus cannot make the other {len(left_out)}: left out of the program, and of what follows:")
         lines += _some(left_out)

@@ -13,11 +13,12 @@ import click
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
+from ._beside import beside
 from ._commission_record import record_of
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
 from ._handed import Kept, hands, whole
 from ._start import HELD, counts, in_spindle, obeys
-from ._written import written
+from ._written import said_beside, written
 from .check import positioning_feed
 
 KEPT = Kept(("port", "timeout", "within"), {"touch": ("within",)})
@@ -63,7 +64,7 @@ PLACE = "Measure 30"  # in the list of commands
     "travels leave no room for it; the command says how far.",
 )
 @click.option("--touch", is_flag=True, help="Test on the table: touch a few facets at two angles and two feeds.")
-@click.option("--yes", is_flag=True, help="With --touch: do not ask before the machine moves.")
+@beside("--touch")("--yes", is_flag=True, help="With --touch: do not ask before the machine moves.")
 @click.option("--again", is_flag=True, help="Test everything again, also what has passed.")
 @click.option(
     "--answers",
@@ -106,6 +107,7 @@ def command(
 
     from .. import commission
     from ..commission.above import flight
+    from ..link.measure import fitting
     from ..plan import by_stylus
     from ._commission_first import by_hand
     from ._commission_first import questions as by_hand_first
@@ -141,15 +143,18 @@ def command(
     if wanted == {HELD} and held is False and not only_program:
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
+    address = None if only_program else address_of(cell, port, post.link)
     moves = flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted, within)
     made = moves.plan
+    if address is not None:
+        fitting(address, post.link, made)
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
     first = by_hand_first(made, wanted, controller.post).values()
-    if only_program:
+    if address is None:
         _before(programs, f"{in_spindle(made)} in the spindle and on.", *(f"{text} If not, do not start it." for text, _ in first))
         return
-    at = _Control(cell, post, address_of(cell, port), timeout, someone, options, moves)
+    at = _Control(cell, post, address, timeout, someone, options, moves)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     if not (someone and answers == "ask"):
         for text, _ in first:
@@ -229,6 +234,7 @@ def _together(touch: bool, others: Mapping[str, bool | None]) -> None:
 
 def _before(programs: Sequence[Any], *texts: str) -> None:
     """programs that are not sent, what has to be so before one is started → says both."""
+    said_beside(programs)
     for program in programs:
         click.echo(whole(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records", KEPT))
     for text in texts:

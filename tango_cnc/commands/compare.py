@@ -19,6 +19,7 @@ from ..judging import NoFit, judged
 from ..plausible import ORDER
 from ..records import Cell, Readings
 from ._common import cell_option, json_option, table, write_json
+from ._handed import printed
 from ._trust import despite_option, members, status, told
 
 PLACE = "Measure 70"  # in the list of commands
@@ -51,7 +52,7 @@ def command(folder: Path, other: Path, file: Path | None, period: float | None, 
     judgement = _together({f: _judged(cell, r, f) for r, f in ((readings, file), (others, other))})
     expected = None if period is None else latch(found.feed, period)
     if not write_json(json_file, _as_json(found, period, expected) | members(judgement)):
-        click.echo("\n".join([*told(judgement), _as_text(found, file, other, period, expected)]))
+        printed("\n".join([*told(judgement), _as_text(found, file, other, period, expected)]))
     return status(judgement, despite)
 
 

@@ -25,9 +25,10 @@ from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..verify.apart import apart
 from . import _compensate, _program, _scales, _short_check, _sign_trial
+from ._beside import beside
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
-from ._handed import pasted
+from ._handed import pasted, printed
 from ._present import contained, ended, present, rows, whose_is
 from ._trust import despite_option, usable
 
@@ -73,28 +74,34 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
-@click.option("--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs.")
-@click.option("--rows", is_flag=True, help="With --short-check: also touches that meet every row of a table that can be met.")
-@click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
+@beside("--short-check")(
+    "--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs."
+)
+@beside("--short-check")(
+    "--rows", is_flag=True, help="With --short-check: also touches that meet every row of a table that can be met."
+)
+@beside("--measured")("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
-@click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
+@beside("--rolled-back")("--reason", metavar="TEXT", help="With --rolled-back: why.")
 @click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
 @click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
-@click.option("--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder.")
-@click.option(
+@beside("--measured", "--short-check")(
+    "--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder."
+)
+@beside("--measured")(
     "--warmer", type=click.FloatRange(-50, 50), metavar="K", help="With --measured: than in the full run; where no readings say it."
 )
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
-@click.option("--after", type=path, metavar="FILE", help="With --sign-of: readings with the trial in the control.")
-@_program.setup_options
-@click.option("--chord", type=float, default=0.001, show_default=True, help="With PROGRAM: chord error of arcs and parts, mm.")
-@click.option("--decimals", type=click.IntRange(2, 6), default=4, show_default=True, help="With PROGRAM: of the words.")
-@click.option("--no-rotary", is_flag=True, help="With PROGRAM: leave rotary words as they are.")
+@beside("--sign-of")("--after", type=path, metavar="FILE", help="With --sign-of: readings with the trial in the control.")
+@_program.setup_options("PROGRAM")
+@beside("PROGRAM")("--chord", type=float, default=0.001, show_default=True, help="With PROGRAM: chord error of arcs and parts, mm.")
+@beside("PROGRAM")("--decimals", type=click.IntRange(2, 6), default=4, show_default=True, help="With PROGRAM: of the words.")
+@beside("PROGRAM")("--no-rotary", is_flag=True, help="With PROGRAM: leave rotary words as they are.")
 @despite_option
 @click.option("--simulated", is_flag=True, help="Write files although the readings are simulated: to try them on no machine.")
-@click.option("--diff", type=Output(), metavar="FILE", help="With PROGRAM: every block that changed, before and after.")
+@beside("PROGRAM")("--diff", type=Output(), metavar="FILE", help="With PROGRAM: every block that changed, before and after.")
 @json_option
 def command(**options: Any) -> int:
     """Says what a control can hold of the estimated errors, and writes files for it; or compensates an NC PROGRAM.
@@ -182,7 +189,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
             )
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
-        click.echo(_compensate.text(proposal))
+        printed(_compensate.text(proposal))
         click.echo("\n".join(_compensate.met(proposal, result)))
         _warmth(cell, result)
     capped(proposal, options["cap_mm"], options["cap_deg"])
@@ -196,7 +203,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     kept = loop.store(folder, proposal, _now(), options["out"], rows(source), simulated=simulated, made_from=known, by_hand=by_hand)
     if options["out"] is None:
         recorded(folder)
-    click.echo(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
+    printed(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
     return 0
 
 
@@ -232,7 +239,7 @@ def _consented(folder: Path, options: dict[str, Any]) -> bool:
 
 def _warmth(cell: Cell, result: Estimate) -> None:
     for text in filter(None, (apart(result), _scales.said(cell.folder, result))):
-        click.echo(text)
+        printed(text)
 
 
 def _volume(cell: Cell, options: dict[str, Any], record: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
@@ -385,7 +392,7 @@ def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tc
     data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
     data |= unseen
     if not write_json(json_file, data):
-        click.echo(f"compensation {kept.number}: {found.verdict}: {found.said}")
+        printed(f"compensation {kept.number}: {found.verdict}: {found.said}")
     return 0 if found.in_any_case else TangoError.exit_code
 
 
@@ -416,5 +423,5 @@ def _history(folder: Path, json_file: str | None) -> int:
             more = f": {e['text']}" if "text" in e else ""
             click.echo(f"{e['utc']}  {e['compensation']}  {e['target']}  {e['event']}{more}")
         if not events:
-            click.echo("no compensation yet; 'tango compensate --target NAME' proposes one")
+            printed("no compensation yet; 'tango compensate --target NAME' proposes one")
     return 0

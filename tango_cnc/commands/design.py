@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
@@ -24,7 +25,7 @@ from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, write_json
-from ._handed import typed
+from ._handed import printed, typed
 from ._progress import Progress
 from ._stylus import bought
 from ._trust import despite_option, status, usable
@@ -147,12 +148,14 @@ def command(
     if separate:
         found = separation(planned(cell), cell.terms if terms is None else read_terms(terms, cell.folder), *separate)
         if not write_json(json_file, as_json(found)):
-            click.echo(as_text(found))
+            printed(as_text(found))
         return 0
     refuse_inward(cell)
     if judge is not None and readings is None:
         raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
     check = judge is not None or goal == "check"
+    if not check and click.get_current_context().get_parameter_source("stylus") is ParameterSource.COMMANDLINE:
+        raise InputError("--stylus-within: found without a check; allowed: with --goal check or --judge")
     before = None if readings is None else earlier_run(cell, readings, despite, check)
     asked = _wish(
         cell,
@@ -295,11 +298,11 @@ def _judge(cell: Cell, wish: Wish, full: Path, source: Path, despite: bool, json
         )
     known = traced(Judgement("trustworthy"), origin, cell.folder)
     for line in doubts(known):
-        click.echo(line, err=True)
+        printed(line, err=True)
     assert wish.before is not None  # full
     found = changed(ready.problem.choice, ready.lever, wish.before, few)
     if not write_json(json_file, told.change_json(found, known)):
-        click.echo(told.change_text(found))
+        printed(told.change_text(found))
     return int(found.changed)
 
 
@@ -337,7 +340,7 @@ def _design(
     if picture is not None:
         _draw(picture, told.drawn(ready, found), data)
     if not write_json(json_file, data):
-        click.echo(lines)
+        printed(lines)
         click.echo(f"strategy written to {output}" if output is not None else "-o FILE writes the strategy", err=True)
     return int((bool(aim.limits) and (promised(found) > 1 or not believed(found))) or not data["determined"])
 

@@ -26,6 +26,7 @@ from ..records import InputError, Readings
 from ..report.pictures import needed
 from ..terms import causes
 from ._common import Output, ahead, cell_option, json_option, write_json
+from ._handed import printed
 from ._progress import Progress
 from ._trust import despite_option, members, status, told
 
@@ -107,7 +108,7 @@ def command(
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     for text in _unused(readings, source):
-        click.echo(text, err=True)
+        printed(text, err=True)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     _, judgement = judged(cell, readings, items, source=source)
     if learn is not None:
@@ -131,7 +132,7 @@ def command(
     data = as_json(found)
     data |= {"trust" if key == "verdict" else key: value for key, value in members(judgement).items()}
     if not write_json(json_file, data):
-        click.echo("\n".join([*told(judgement), as_text(found)]))
+        printed("\n".join([*told(judgement), as_text(found)]))
     if judgement.verdict == "trustworthy" and found.verdict == "adequate" and file is None and json_file != "-":
         ahead(folder, "uncertainty", "report")
     return status(judgement, despite)

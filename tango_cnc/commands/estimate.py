@@ -31,6 +31,7 @@ from ..segments import offsets
 from ..verify import held_out
 from . import _scales
 from ._common import ahead, cell_option, json_option, table, write_json
+from ._handed import printed
 from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
@@ -110,9 +111,7 @@ def command(
     if not write_json(json_file, data):
         scales = [text] if (text := _scales.said(folder, result)) else []
         sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement, _scales.relative(result))]
-        click.echo(
-            "\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *([bar] if bar else []), *sound])
-        )
+        printed("\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *([bar] if bar else []), *sound]))
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())

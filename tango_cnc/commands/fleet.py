@@ -23,7 +23,8 @@ from ..report.newer import newer_answer
 from ..report.repeated import as_found
 from ..report.tonight import sized
 from ..texts import instead, joined, say
-from ._answered import answer_now, in_short
+from ._answered import answer_now, in_short, unanswered
+from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
@@ -63,6 +64,8 @@ class _Row:
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
     told: Answer | None = None  # the answer of its page, where the verdict of its newest night is not all of it
 
+    unanswered: int | None = None  # causes without an answer, as pages count them, where that may be less than its alarms
+
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
@@ -94,7 +97,7 @@ class _Row:
     metavar="DIR",
     help="Estimate all nights of the cells again, into this folder.",
 )
-@click.option("--dask", metavar="ADDRESS", help="With --again: spread the machines over a Dask cluster, tcp://host:port.")
+@beside("--again")("--dask", metavar="ADDRESS", help="With --again: spread the machines over a Dask cluster, tcp://host:port.")
 @json_option
 def command(
     cells: tuple[Path, ...],
@@ -119,8 +122,6 @@ def command(
     cells = cells or (() if where is not None else tuple(cells_in(Path("."))))
     if target is not None:
         return _again(cells, where, target, dask, json_file)
-    if dask is not None:
-        raise InputError("--dask: found without --again; allowed: with it")
     if (where is None) == (not cells):
         raise InputError("fleet: found neither or both of cells and --history; allowed: folders of cells, or one history")
     trouble: dict[str, str] = {}
@@ -202,7 +203,11 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
     if cell is not None and nights and (newer is not None or nights[0].verdict == "not_measured"):
         with suppress(TangoError):
             page = answer_now(cell.folder, cell.axes, place, newer, texts())
-    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale, told=page)
+    more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
+    if s.alarms_open > 1:  # of two of one cause pages have one
+        axes = None if cell is None else cell.axes
+        more["unanswered"] = unanswered(history, s.machine, axes, _before(history, nights), texts())
+    yield _Row(s, folder, tuple(tip), said, **more)
     if (future := in_future(history, s.machine)) is not None:
         yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)
 
@@ -250,7 +255,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         how = {} if row.cell is None else ended(row.cell, row.cut_off)
         keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
         cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
-        rows.append([name, *last, str(s.alarms_open or ""), late, drawn, joined("; ", [x for x in (cut, *known, row.said) if x])])
+        count = s.alarms_open if row.unanswered is None else row.unanswered
+        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, row.said) if x])])
     return rows
 
 
@@ -309,11 +315,14 @@ def _moving(history: History, nights: Sequence[Night], folder: Path | None, stal
     former = off if folder is None else (*said_cut_off(cut, ended(folder, cut)), *off)
     if not nights or not (former or nights[0].verdict == "not_measured"):
         return ""
-    last = next((n for n in nights if n.verdict != "not_measured"), None)
-    record = history.night(nights[0].entry).record
-    before = None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
-    told = of_moving(record, texts(), before, former, stale)
+    told = of_moving(history.night(nights[0].entry).record, texts(), _before(history, nights), former, stale)
     return "" if told is None else told.word
+
+
+def _before(history: History, nights: Sequence[Night]) -> Mapping[str, Any] | None:
+    """history, last nights of a machine, newest first → record of the last one that measured, where the newest did not."""
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    return None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
 
 
 def _never(name: str) -> Standing:

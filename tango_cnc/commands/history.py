@@ -20,6 +20,7 @@ from ..report.repeated import shortened
 from ..report.units import shown
 from ..texts import say
 from ._common import fitted, json_option, on_terminal, table, write_json
+from ._handed import handed
 from ._many_nights import TEMPERATURE, broken_chains, each_of, followed, heads, lines, trend_of
 from ._shop import headlines, here, note_simulated
 
@@ -50,10 +51,11 @@ def _options(machine: bool = True) -> Callable[[Callable[..., Any]], Callable[..
         def run(folder: Path, where: str | None, name: str | None = None, **given: Any) -> Any:
             from ..history import opened
 
-            place = _place(folder, where)
-            with opened(place, create=False) as history:
-                chosen = _machine(history, folder, name) if machine else name
-                return call(history, chosen, **given)
+            with handed():
+                place = _place(folder, where)
+                with opened(place, create=False) as history:
+                    chosen = _machine(history, folder, name) if machine else name
+                    return call(history, chosen, **given)
 
         wanted = run
         if machine:

@@ -19,6 +19,7 @@ from ..judging import judged
 from ..texts import say
 from ._budget import absent, budget_of
 from ._common import ahead, cell_option, json_option, table, write_json
+from ._handed import printed
 from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 50"  # in the list of commands
@@ -67,11 +68,11 @@ def command(
     if fitted:
         alone = {"temperature": state, "fitted": _fitted_json(result, longer)}
         if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), **alone}):
-            click.echo("\n".join([*told(judgement), f"temperature of scales: {state}", _fitted_text(result, longer)]))
+            printed("\n".join([*told(judgement), f"temperature of scales: {state}", _fitted_text(result, longer)]))
         return status(judgement, despite)
     sheet = signed(result, tool_length, thermal, not as_found, budget_of(folder, result))
     if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result, longer)}):
-        click.echo("\n".join([*told(judgement), *sheet_text(sheet)]))
+        printed("\n".join([*told(judgement), *sheet_text(sheet)]))
         if judgement.verdict == "trustworthy" and file is None:
             ahead(folder, "compensate --list", "report")
     return status(judgement, despite)

@@ -45,8 +45,9 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     from ..link.transport import open_port
 
     cell = read_cell(folder)
-    address = address_of(cell, port)
-    protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
+    link = dialect(cell).link if cell.controller else "dnc"
+    address = address_of(cell, port, link)
+    protocol, parsed = protocol_of(address, link)
     program = None if program_file is None else read_text(program_file)
     client = protocol.Client
     if program is not None and not client.punches:

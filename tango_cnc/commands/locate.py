@@ -20,7 +20,7 @@ from ._common import Output, address_of, asks_for_a_finger, cell_option, control
 from ._handed import Kept, hands, whole
 from ._live import Live
 from ._start import counts, in_spindle
-from ._written import conducted, written
+from ._written import conducted, said_beside, written
 
 if TYPE_CHECKING:
     from ..locate import Located
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 PLACE = "Measure 40"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
 KEPT = Kept(("port", "within", "stated", "length", "out"), {"file": ("port",)})
+RESET = "reset while"  # in what a control says of its stop
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
 
@@ -98,6 +99,7 @@ def command(
     if length is not None:
         probe_length.agrees(cell.machine, length)
     post = writing(cell) if file is None and controller_of(cell) else None
+    address = None if post is None or only_program else address_of(cell, port, post.link)
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
     if post is not None:
@@ -107,7 +109,8 @@ def command(
             options["misses"] = enough  # by then too few are left to place the table, and a probe that has died presses on
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         notice = whole(_notice(made, within, stated), KEPT)
-        if only_program:
+        if address is None:
+            said_beside(programs)
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
             then = whole("'tango locate --port 'file:///FOLDER/TANGO.TXT?from=last' --yes'", KEPT)
             click.echo(
@@ -119,7 +122,6 @@ def command(
         if yes:
             click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
-        address = address_of(cell, port)
         placed_in = out or folder / FOLDER / "artefact.yaml"
         with holding(folder, "tango locate"), Live(None) as live, _broken_off(placed_in, out, cell, made):
             readings = conducted(
@@ -142,6 +144,7 @@ def command(
     write_text(where, artefact_text(found.artefact))
     known, unseen = telling.known_to(made.artefact, found.counted, agrees), telling.unseen(made.artefact, found.counted)
     other = telling.unsized(made.artefact, found.counted, stated)
+    by, farthest = telling.unseen_by(made.artefact, found.counted, unseen)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -151,6 +154,7 @@ def command(
         "missed": list(found.missed),
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
+        "unseen_mm": round(by, 3),
         "unsized_mm": round(other.beside, 3),
         "unsized_deg": round(other.turned, 3),
         "longer_mm": round(placed.longer, 4),
@@ -164,7 +168,7 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
-    _told(found, result, agrees, known[1], other, math.nan if length is not None else made.machine.probe.length)
+    _told(found, result, agrees, known[1], farthest, other, math.nan if length is not None else made.machine.probe.length)
 
 
 def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
@@ -200,17 +204,23 @@ def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterat
 
         aside, said, advice = set_aside(where) if out is None else None, str(error).rstrip("."), locate.advice(made)
         page, length = f"docs/controls/{controller_of(cell).post}.md", made.machine.probe.length
+        asks = (
+            f"Is the probe alive, and is it {length:g} mm long, as machine.yaml has it? If so, and nothing was in the way: "
+            f"{advice[0].lower()}{advice[1:]}"
+        )
+        if RESET in said:  # neither the probe nor the place of the table did that
+            asks = "What has reset the control: somebody at the panel, a door, a limit? See to that first"
         raise type(error)(
             f"{said}{'' if said.endswith('?') else '.'} After a stop: read the screen of the control, clear the alarm, and move "
-            f"the probe up along the tool by hand before anything turns ({page}). Is the probe alive, and is it {length:g} mm "
-            f"long, as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}"
-            f"{_before(where, aside)}"
+            f"the probe up along the tool by hand before anything turns ({page}). {asks}{_before(where, aside)}"
         ) from None
 
 
-def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, other: OtherSize, unmeasured: float) -> None:
-    """where the table stands, the same for --json, mm of --agrees, the facet known worst, what another size may do, mm of a probe
-    that nobody has measured (NaN: somebody has) → says it.
+def _told(
+    found: Located, result: dict[str, Any], agrees: float, worst: str, farthest: str, other: OtherSize, unmeasured: float
+) -> None:
+    """where the table stands, the same for --json, mm of --agrees, the facet known worst, the worst of those that nobody sees, what
+    another size may do, mm of a probe that nobody has measured (NaN: somebody has) → says it.
     """
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
@@ -241,7 +251,8 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
     if unseen := result["unseen"]:
         click.echo(
             f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
-            "them. Measure that size before you trust a short search there"
+            f"them. On one that is 1 % larger facet {farthest}, the worst, is {result['unseen_mm']:.1f} mm beside that. Measure "
+            "that size before you trust a short search there"
         )
     if other.beside > 1.0:
         click.echo(f"{other.text}. Measure that size before you trust a short search")

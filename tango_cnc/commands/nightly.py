@@ -18,7 +18,7 @@ from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, LinkError, TangoError
 from ..report.texts import Texts
 from ..texts import say
-from ._common import cell_option, controller_of, json_option, write_json
+from ._common import address_of, cell_option, controller_of, dialect, json_option, write_json
 from ._shop import looked_at, of_shop
 
 PLACE = "Keep 10"
@@ -74,6 +74,7 @@ def command(
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
     if at is not None and kind is None:
         raise InputError(f"--at: found {at!r} without --install; a night would begin at once. Write the timer: --install and --at")
+    _meant(folder, port)
     settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
     t = of_shop(settings)
@@ -217,6 +218,19 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
                 begin(history, name, _noticed(history))
             else:  # the nights there are those of another machine: nothing of this one is put among them
                 begin(OfAnother(), name, (say("night.night.of_another", name=name, other=other),))
+
+
+def _meant(folder: Path, port: str | None) -> None:
+    """cell, --port → nothing. Raises InputError for a port that no run can use: who typed it sees it, and no night is kept."""
+    if port is None:
+        return
+    try:
+        cell = read_cell(folder)
+        link = "" if cell.controller is None else dialect(cell).link
+    except TangoError:
+        return  # a night says it, and tells whoever is to be told
+    if link:
+        address_of(cell, port, link)
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from ..files.normals import refuse_inward
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
 from ..link.lock import holding
-from ..records import Cell, InputError, Plan
+from ..records import Cell, InputError, LacksSettingError, Plan
 from . import _handed, _trusted
 from ._common import Output, ahead, cell_option, json_option, json_text, writing
 from ._common import dialect as dialect_of
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 PLACE = "Plan 20"  # in the list of commands
 
 CELL_FILES = ("artefact.yaml", "strategy.yaml")  # what --capability writes beside its program
+ANY = "COM3"  # in place of a port that is not stated yet: its settings alone matter
 DRAWN = (".png", ".svg", ".pdf")
 
 
@@ -97,7 +99,7 @@ def command(
         cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
     for text in (*warnings(made), *(left(whole, cell, "tango plan") if capability is None else ())):
-        click.echo(_handed.whole(text), err=True)
+        _handed.printed(text, err=True)
     beside = {} if picture is None else {"--picture": (picture, _drawn(made, picture, indexation))}
     if dry_run:
         shown = _parts(chosen, made, most, folder)
@@ -225,12 +227,44 @@ def _program(w: _Wanted, beside: Mapping[str, tuple[Path, Content]]) -> None:
     if w.json_file not in (None, "-"):
         beside = {**beside, "--json": (Path(str(w.json_file)), lambda: [json_text(result)])}
     _write(files, beside, w.folder, w.post)
-    click.echo(json_text(result) if w.json_file == "-" else as_text(made, result))
+    if w.json_file == "-":
+        click.echo(json_text(result))
+    else:
+        _handed.printed(as_text(made, result))
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
-    if w.json_file != "-" and w.capability is None and w.cell.controller is not None:
+    if w.json_file != "-" and w.capability is None:
         tried = result["proven"]
-        ahead(w.folder, *(() if tried and "FAIL" not in tried.values() else ("commission",)), "run")
+        ahead(w.folder, *(() if tried and "FAIL" not in tried.values() else ("commission",)), "run", first=_first(w, dialect.link))
+
+
+def _first(w: _Wanted, link: str) -> str:
+    """plan whose program is written, protocol of its post → what has to stand in tango.yaml before it can be run; '' for nothing.
+
+    Commands that go to the control take the post of the cell: nobody is to try another one than that of the program.
+    """
+    import postprocessors as posts
+
+    from ..link.measure import fitting
+
+    controller = w.cell.controller
+    if not w.chosen.own:
+        name = str(w.chosen.name)
+        if posts.is_own(name):
+            name = f"./{Path(os.path.relpath(name, w.folder)).as_posix()}"
+        other = "" if controller is None else f" in place of {controller.post}"
+        port = " and its port" if controller is None else ""
+        return f"state post: {name}{port} under controller: in {w.folder / 'tango.yaml'}{other}"
+    assert controller is not None
+    try:
+        fitting(controller.port or ANY, link, w.made)
+    except LacksSettingError as error:
+        said = str(error) if controller.port else f"controller.port: found none; with it goes ?{error.setting}"
+        click.echo(f"WARNING: {w.folder / 'tango.yaml'}: {said}. A run refuses the plan without it", err=True)
+        return f"correct controller.port in {w.folder / 'tango.yaml'}"
+    except InputError:
+        return ""  # 'tango check' and whatever opens the port say it
+    return ""
 
 
 def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:

@@ -18,6 +18,7 @@ from ..report import pictures
 from ..verify.apart import apart
 from . import _possible, _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
+from ._handed import printed
 from ._larger import larger
 from ._trust import despite_option, usable
 
@@ -32,7 +33,7 @@ PLACE = "Act 20"  # in the list of commands
 @click.option("--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings [default: those of the cell].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
-@_program.setup_options
+@_program.setup_options()
 @click.option(
     "--features", "checks", type=click.Path(path_type=Path), metavar="FILE", help="Features of the part (docs/compensate.md)."
 )
@@ -70,7 +71,7 @@ def command(**options: Any) -> int:
     if options["test"] is not None:
         shown, text, differs = _test.predicted(cell.folder, result, options)
         if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):
-            click.echo("\n".join([*first, text]))
+            printed("\n".join([*first, text]))
         return differs
     setup = _program.setup_of(cell, options)
     known = _program.found_of(result, "predict", "it predicts nothing of the tool tip")
@@ -98,9 +99,9 @@ def command(**options: Any) -> int:
     if options["picture"] is not None:
         _draw(options["picture"], way)
     if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
-        click.echo("\n".join([*first, _text(data)]))
+        printed("\n".join([*first, _text(data)]))
         if data["scales"]:
-            click.echo(data["scales"])
+            printed(data["scales"])
         if options["file"] is None:
             ahead(cell.folder, "compensate --list", "report")
     limit = options["limit_um"]

@@ -303,7 +303,7 @@ def nights(
     from ..history.clock import told as told_of
     from ..report.age import due, measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
-    from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed, untried
+    from ..report.faults import answered, asking, earlier, faults, of_probe, settled, still_open, unclosed, untried
     from ..report.morning import volumes_of
     from ..report.orders import brief_of, orders, parts_since
     from ..report.pace import ahead
@@ -340,7 +340,7 @@ def nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
             old=too_old,
-            probe=all_of_probe(found),
+            probe=of_probe(found),
             answers_for=settings.answers_for,
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),

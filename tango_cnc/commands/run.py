@@ -19,7 +19,7 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
-from ._handed import Kept, hands, whole
+from ._handed import Kept, hands, printed, whole
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
@@ -27,7 +27,6 @@ from ._start import ask, counts, gate_of, misses_of, obeys, tries_of, unattended
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
-from ._written import say_beside
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -105,7 +104,7 @@ def command(
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
     from ..link.aside import set_aside
-    from ..link.measure import protocol_of
+    from ..link.measure import fitting
     from ..plan import plan
 
     set_aside()
@@ -119,15 +118,16 @@ def command(
     cell = cell_of_stylus(whole_cell, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     controller_of(cell)
-    address, post = address_of(cell, port), writing(cell)
-    protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
+    post = writing(cell)
+    address = address_of(cell, port, post.link)
     _checked(whole_cell, resume, program_file, most, until, obstructed)
     goal = None if until is None else wanted_by(cell, until)
     if goal is not None:
         cell = goal.cell
     made = plan(cell, obstructed) if goal is None else goal.plan
+    fitting(address, post.link, made)
     for text in warnings(made):
-        click.echo(text, err=True)
+        printed(text, err=True)
     if gate_of(cell, post) == "facet":
         made = _proving(cell, folder, made, post, resume)
     someone = attended()
@@ -250,7 +250,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
             return measure(job.cell, job.made, own, job.posted, live, job.confirm, count, job.kept)
 
-        origin = run(wanted) if goal is None else run_until(job.cell, goal, wanted, run, said)
+        origin = run(wanted) if goal is None else run_until(job.cell, goal, wanted, run, lambda text: said(whole(text)))
         if not live.add("end", {"readings": str(target), **origin}):
             said(_summary(origin, target), err=False)
 
@@ -323,7 +323,6 @@ def keep(cell: Cell, post: Post, whole: Plan, part: Plan, programs: Sequence[Pro
     companions = posts.companions(post, part, cell.controller.options)
     files |= {target / name: partial(iter, lines) for name, lines in companions.items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
-    say_beside(target, companions)
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
     return [replace(p, file=str(target / p.name)) for p in programs]

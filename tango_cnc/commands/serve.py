@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ..records import InputError
+from ._beside import beside
 from ._common import cells_in, folders_option
 
 FILES = 65_536
@@ -29,7 +30,7 @@ PLACE = "Keep 60"  # in the list of commands
 )
 @click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
 @click.option("--remove-user", metavar="NAME", help="Take a user out of --users, whose sign-ins end, and end.")
-@click.option(
+@beside("--add-user")(
     "--role", type=click.Choice(["view", "operate", "write-back"]), default="view", show_default=True, help="With --add-user."
 )
 @click.option("--certificate", type=click.Path(path_type=Path), metavar="FILE", help="TLS certificate (PEM).")

@@ -16,7 +16,9 @@ from ..files.origin import MEASURED, SIMULATED, set_aside, simulated, write_orig
 from ..link.lock import holding
 from ..plan import by_stylus, last_moves, plan, reachable
 from ..records import Array, Cell, InputError, Readings, Strategy
+from ._beside import beside
 from ._common import Output, cell_option, json_option, write_json
+from ._handed import printed
 
 PLACE = "Measure 60"  # in the list of commands
 
@@ -76,7 +78,7 @@ def _moved(cell: Cell) -> Array | None:
 @click.option(
     "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
 )
-@click.option(
+@beside("--compensation")(
     "--no-tcp", is_flag=True, help="With --compensation: probed without tool center point control; kinematics do not act."
 )
 @click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
@@ -126,7 +128,7 @@ def command(
         strategy, numbers, moved = _made(part)
         if moved is None:
             planned = False
-            click.echo("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
+            printed("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
         own = (world.seed if seed is None else seed) + len(done)
         with blamed_on(world_file):
             readings = simulate(part.machine, cell.artefact, strategy, world, cycles, days, own, moved, control)
@@ -165,4 +167,4 @@ def command(
         bad = f", {counts['miss']} missed, {counts['early']} early" if counts["ok"] < len(readings) else ""
         held = "" if compensation is None else f" with {compensation} in the control, tool center point control {tcp}"
         way = f"in {readings.time[-1] / 60:.0f} min, without safety moves (the real program takes longer: 'tango check')"
-        click.echo(f"{len(readings)} touches{bad} {way}{held} → {target}")
+        printed(f"{len(readings)} touches{bad} {way}{held} → {target}")

@@ -27,7 +27,9 @@ from ..uncertainty.inputs import BudgetLine, read_budget
 from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
+from ._beside import beside
 from ._common import ahead, cell_option, json_option, write_json
+from ._handed import printed
 from ._runs import judged_apart
 from ._trust import despite_option, members, status, told
 
@@ -60,7 +62,7 @@ SHOWN = 4  # parameters that a remark names
 )
 @click.option("--trials", type=click.IntRange(1000), default=10_000, show_default=True, help="Monte Carlo trials.")
 @click.option("--adaptive", is_flag=True, help="As many trials as the results need to be stable to --digits.")
-@click.option(
+@beside("--adaptive")(
     "--most", type=click.IntRange(20_000), default=1_000_000, show_default=True, help="Trials at which --adaptive gives up."
 )
 @click.option("--digits", type=click.IntRange(1, 2), default=1, show_default=True, help="Significant digits of the uncertainties.")
@@ -77,7 +79,7 @@ SHOWN = 4  # parameters that a remark names
     "--limits", type=click.Path(path_type=Path), metavar="FILE", help="Decide conformity; exit status 1 unless all conform."
 )
 @click.option("--subset", "subsets", multiple=True, metavar="LABEL=1-20,22", help="Compare indexation subsets (give two or more).")
-@click.option(
+@beside("--limits")(
     "--conform",
     type=click.Choice(NAMES),
     help="With repeated runs, whose uncertainty decides on limits: of their mean, of one run, or of where the next run will be "
@@ -149,7 +151,7 @@ def command(
     if judgement.verdict != "trustworthy" and not despite:
         decisions = [conformity.undecided(d) for d in decisions]
     if not write_json(json_file, report.as_json(found, decisions, factor) | members(judgement)):
-        click.echo("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
+        printed("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
     if given is None and found.pool == "none":
         click.echo(
             "No budget: only the stated repeatability and what artefact.yaml states as known are taken into account. Drift, lobing "
@@ -186,7 +188,7 @@ def _decide(found: analysis.Analysis, limits: Path | None, conform: str | None) 
 
 def _refused(judgement: Judgement, json_file: str | None) -> int:
     if not write_json(json_file, {"format": "tango-uncertainty/1", **members(judgement), "parameters": {}}):
-        click.echo("\n".join([*told(judgement), "No intervals: they would stand around wrong values (--despite computes them)"]))
+        printed("\n".join([*told(judgement), "No intervals: they would stand around wrong values (--despite computes them)"]))
     return 1
 
 
@@ -267,7 +269,7 @@ def _compare(
     data = {"format": "tango-comparison/1", **members(worst), "comparisons": [report.comparison_json(c) for c in found]}
     if not write_json(json_file, data):
         lines_told = [f"{label}: {line}\n" for label, j in thought.items() if j.verdict != "trustworthy" for line in told(j)]
-        click.echo("".join(lines_told) + "\n\n".join(report.comparison_text(c, report.units(cell.machine, c.names)) for c in found))
+        printed("".join(lines_told) + "\n\n".join(report.comparison_text(c, report.units(cell.machine, c.names)) for c in found))
     return status(worst, despite)
 
 

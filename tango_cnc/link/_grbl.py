@@ -17,6 +17,7 @@ ALARMS = {
     "13": "the probe tripped outside a probing move",
     "17": "motor fault",
 }
+TURNS = "grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL"
 ERRORS = {"9": "it is locked, in alarm", "20": "unsupported word", "33": "invalid target", "24": "two axis commands in a line"}
 CLAMPS = re.compile(r"^\((CLAMP|UNCLAMP) ([ABC]) M(\d{1,3})\)\r?$", re.MULTILINE)
 

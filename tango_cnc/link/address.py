@@ -55,6 +55,14 @@ def spoken(url: str) -> str | None:
     return schemes().get(scheme.lower(), (None, ""))[0] if there else None
 
 
+def completed(url: str, setting: str) -> str:
+    """URL or device, name=value → the URL that has this setting, too, in place of another value of it."""
+    where, _, query = (url if "://" in url else f"serial://{url}").partition("?")
+    name = setting.partition("=")[0]
+    others = [each for each in query.split("&") if each and each.partition("=")[0] != name]
+    return f"{where}?{'&'.join([*others, setting])}"
+
+
 def linked(url: str) -> str | None:
     """URL → the protocol that its setting `link` names, None when there is none."""
     return dict(parse_qsl(url.partition("?")[2])).get("link") if "://" in url else None

@@ -26,10 +26,10 @@ from ..files import readings_text, write_text
 from ..files.origin import origin_file, set_aside, write_origin
 from ..gate import ALIVE_TIME
 from ..plan import plan_hash
-from ..program.record import Program
-from ..records import Cell, InputError, LinkError, NothingSentError, Plan
+from ..program.record import Program, beside_of
+from ..records import Cell, InputError, LacksSettingError, LinkError, NothingSentError, Plan
 from . import protocols
-from .address import Address, linked, parse, spoken
+from .address import Address, completed, linked, parse, spoken
 from .client import Task
 from .entries import End, Entry, ProgramSent, Reading
 from .journal import Journal, look_at, read_journal
@@ -87,9 +87,7 @@ def measure(
     `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
     opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
     """
-    protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
-    foreseen(address)
-    protocol.Client.named(address.options)
+    protocol, address = usable(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     _replaceable(wanted.readings)
     file = wanted.readings.with_suffix(".journal")
     before, digest = _started(file, plan, wanted.post) if wanted.resume else ([], "")
@@ -114,17 +112,19 @@ def measure(
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
 
-    def announced(number: int) -> None:
-        count, file = len(tasks[number - 1].numbers), programs[number - 1].file
-        said = [f"part {number} of {len(tasks)}: {count} touches"] if len(tasks) > 1 else []
-        said += [f"the control has to have {file} now: it is not sent"] if client.brought else []
-        said += [client.before] if client.before else []
+    def agreed(number: int) -> None:
+        """Asks, and says then what is to be done at the control: who reads from top to bottom starts nothing before."""
+        task, program = tasks[number - 1], programs[number - 1]
+        said = [f"part {number} of {len(tasks)}: {len(task.numbers)} touches"] if len(tasks) > 1 else []
         said += [there] if number == 1 and (there := said_before(address)) else []
-        if said:
-            watch(News(0, count, 0.0, None, "; ".join(said)))
+        _announced(watch, task, said)
+        confirm(task.plan, program)
+        said = [beside_of(program)] if number == 1 and program.beside else []
+        said += [f"the control has to have {program.file} now: it is not sent"] if client.brought else []
+        said += [client.before] if client.before else []
+        _announced(watch, task, said)
 
-    announced(1)
-    confirm(tasks[0].plan, programs[0])
+    agreed(1)
     transport = _opened(address, tasks[0])
     try:
         sensors.start()
@@ -136,8 +136,7 @@ def measure(
                 for number, (program, task) in enumerate(zip(programs, tasks, strict=True), 1):
                     if number > 1:
                         client = protocol.Client(task, address.options)
-                        announced(number)
-                        confirm(task.plan, program)
+                        agreed(number)
                     journal.add(_sent(plan, program, task, wanted, (number, len(tasks))))
                     with _signals() as stop:
                         session = Session(
@@ -164,6 +163,12 @@ def measure(
     finally:
         sensors.close()
         transport.close()
+
+
+def _announced(watch: Callable[[News], None], task: Task, said: Sequence[str]) -> None:
+    """who watches, task that comes next, what has to be known of it → told, in one line."""
+    if said:
+        watch(News(0, len(task.numbers), 0.0, None, "; ".join(said)))
 
 
 def _opened(address: Address, task: Task) -> Transport:
@@ -269,6 +274,30 @@ def protocol_of(port: str, default: str) -> tuple[protocols.Module, Address]:
         raise InputError(f"port {shown(port)!r}: link: found {name!r}; allowed: {', '.join(protocols.names())}")
     module = protocols.load(name)
     return module, parse(port, {**module.OPTIONS, "link": tuple(protocols.names())})
+
+
+def usable(port: str, default: str) -> tuple[protocols.Module, Address]:
+    """port's URL, protocol of the post → as `protocol_of`, and what its URL names has been looked at, too: nothing is opened.
+
+    Raises InputError for what no run can use.
+    """
+    module, address = protocol_of(port, default)
+    foreseen(address)
+    module.Client.named(address.options)
+    return module, address
+
+
+def fitting(port: str, default: str, plan: Plan) -> None:
+    """port's URL, protocol of the post, plan of a run → nothing.
+
+    Raises InputError for what the URL cannot mean, LacksSettingError with the whole URL where the plan needs more of it.
+    """
+    module, address = protocol_of(port, default)
+    try:
+        module.Client.fits(plan, address.options)
+    except LacksSettingError as error:
+        url = completed(shown(port), error.setting)
+        raise LacksSettingError(f"port {shown(port)!r}: {error}: {url}", error.setting) from None
 
 
 def _tasks(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted, quiet: float) -> list[Task]:

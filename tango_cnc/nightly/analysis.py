@@ -52,6 +52,7 @@ from .lag import sentence as lag_told
 from .lengths import with_total
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
+from .scatter import scatter_on, with_scatter
 from .sensors import counted, how_warm, see_to_it_first, speaks, states
 from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
@@ -242,6 +243,7 @@ class Nights(BeforeNight):
         alarms = answered.undone(past, machine, known, u.after, alarms)
         alarms, helped = answered.after_repairs(past, machine, known, u.after, alarms)
         alarms = going_on(past, machine, known, u.after, alarms, last, self.given)
+        alarms = scatter_on(past, machine, alarms, date_of(day))
         alarms, ignored = answered.split(past, machine, known, u.after, alarms, day)
         return Heard(again.after_a_repair(past, machine, alarms), helped, ignored)
 
@@ -278,7 +280,9 @@ class Nights(BeforeNight):
         if trusted:
             waiting = [looking_ahead(known, a, u.recent, u.after, place.limits, place.gone) for a in waiting]
             waiting = with_total(past, machine, known, u.after, waiting, kind)
-        silent = unheard(past, machine, day, found, kind)
+        residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
+        waiting = with_scatter(past, machine, waiting, residual)
+        silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..report.answer import of_moving
+from ..report.answer import PARTS, of_moving
 from ..report.texts import Texts
+from ..report.tonight import is_gone
 from ..state.changes import change
 
 
@@ -32,6 +33,7 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
         return [t("may.brief_no")]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
         return []
-    causes = [a.get("cause") for a in (*record["alarms"], *(record.get("standing") or ()))]
-    probe = verdict == "changed" and bool(causes) and all(change(c).of_the_probe or c == "ball" for c in causes)
-    return [t("may.brief_probe" if probe else "morning.parts_first")]
+    alarms = (*record["alarms"], *(record.get("standing") or ()))
+    probe = verdict == "changed" and bool(alarms) and all(change(c := a.get("cause")).of_the_probe or c == "ball" for a in alarms)
+    scatters = any(change(a.get("cause")).scatters and not is_gone(a.get("now") or "") for a in alarms)
+    return [t(PARTS["_probe" if probe else "_beside" if scatters else ""])]

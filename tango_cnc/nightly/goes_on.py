@@ -90,7 +90,7 @@ def _going_on(
         return alarm
     for key, (stored, older) in newest.items():
         answer = last.get(key)
-        if (older["cause"], older["parameter"]) != (alarm["cause"], alarm["parameter"]) or _over(answer, date_of(after.day)):
+        if (older["cause"], older["parameter"]) != (alarm["cause"], alarm["parameter"]) or ended(answer, date_of(after.day)):
             continue
         days = after.day - float(stored.record["state"]["day"])
         if any(g.utc >= stored.night.start_utc for g in given) or not _moved_last(past, machine, stored, older, alarm, days):
@@ -121,10 +121,10 @@ def _begun(
     before it, and where somebody has closed that.
     """
     first = str((older.get("follows") or {}).get("alarm"))
-    return None if first not in newest or _over(last.get(first), today) else newest[first]
+    return None if first not in newest or ended(last.get(first), today) else newest[first]
 
 
-def _over(answer: Decision | None, today: str) -> bool:
+def ended(answer: Decision | None, today: str) -> bool:
     """last answer to an alarm, date → whether what goes on after it is another alarm."""
     if answer is None or answer.action not in ENDS:
         return False

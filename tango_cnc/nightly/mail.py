@@ -292,7 +292,8 @@ def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, 
     former = next((a for a in record.get("standing") or () if undone and a["id"] == begun), {} if undone else cause)
     begun = str(former.get("since") or begun[:10])
     until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or "")
-    return t(f"morning.gone_part{'_by' if until else ''}", date=begun, until=until)
+    end = "_probe" if change(cause.get("cause")).scatters else "_by" if until else ""
+    return t(f"morning.gone_part{end}", date=begun, until=until)
 
 
 def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:

@@ -2,7 +2,7 @@
 
 from .folder import REST, stale
 from .parts import parts
-from .record import Program
+from .record import Program, beside_of
 from .write import from_file, programs, proven
 
-__all__ = ["REST", "Program", "from_file", "parts", "programs", "proven", "stale"]
+__all__ = ["REST", "Program", "beside_of", "from_file", "parts", "programs", "proven", "stale"]

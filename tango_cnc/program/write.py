@@ -41,7 +41,8 @@ def programs(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: in
             unread = proven(post, lines, plan, posts.settings(post, given), beside)
         except InputError as error:
             raise InputError(f"{error}: nothing was written. Correct the post, or the profile under 'controller'") from None
-        found.append(Program(name, mark, lines, plan, post.record_letters(plan.machine), post.summed, part, unread))
+        letters = post.record_letters(plan.machine)
+        found.append(Program(name, mark, lines, plan, letters, post.summed, part, unread, beside=tuple(sorted(beside))))
     return found
 
 

@@ -23,7 +23,7 @@ from .cell import (
     TermItem,
     World,
 )
-from .errors import InputError, LinkError, NothingSentError, TangoError
+from .errors import InputError, LacksSettingError, LinkError, NothingSentError, TangoError
 from .numbers import COMPONENTS, LINEAR, ROTARY, Array, Id, Vector
 from .plan import OFF, Move, MoveKind, Plan, Touch, Turn
 from .readings import Combination, Parameter, Readings
@@ -46,6 +46,7 @@ __all__ = [
     "Id",
     "Indexation",
     "InputError",
+    "LacksSettingError",
     "LinkError",
     "Machine",
     "Move",

@@ -15,6 +15,14 @@ class InputError(TangoError):
     exit_code = 2
 
 
+class LacksSettingError(InputError):
+    """A port's URL lacks the `setting`, name=value, that a plan needs: nothing was written, nothing was moved."""
+
+    def __init__(self, text: str, setting: str = "") -> None:
+        super().__init__(text)
+        self.setting = setting
+
+
 class LinkError(TangoError):
     """The controller or the line to it failed; what was measured so far is on disk."""
 

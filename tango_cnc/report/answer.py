@@ -27,6 +27,11 @@ UNSENT = "web.unsent"  # of one that ended before anything was sent to the contr
 RUN_OFF = "web.run_off"  # of a run outside the nights that broke off
 WAITING = "web.waiting"  # of one that has ended and that the history has not taken
 
+PARTS = {
+    "": "morning.parts_first",
+    "_probe": "may.brief_probe",
+    "_beside": "may.brief_beside",
+}  # about the first one, by `of_probe`
 NEWER = "newer"  # state of an answer that readings after the newest night have given
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
@@ -75,12 +80,12 @@ def answer(
     ahead: Ahead | None = None,
     closed: str = "",
     old: int = 0,
-    probe: bool = False,
+    probe: str = "",
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
     complete night is missing, who has an alarm that is not closed, how soon it is at its limit, by what every alarm of the night
-    was closed since, nights since the last measurement where these are too many (age.nights_old), whether all that is open is
-    of the probe → the answer.
+    was closed since, nights since the last measurement where these are too many (age.nights_old), what of the open ones is of the
+    probe (faults.of_probe) → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -88,9 +93,7 @@ def answer(
     missing = verdict == "not_measured"
     known = before if missing else record
     may, state, why = (
-        _measured(known, t, waiting, has, closed, "_probe" if probe else "")
-        if known is not None
-        else ("unknown", "not_measured", t("may.never"))
+        _measured(known, t, waiting, has, closed, probe) if known is not None else ("unknown", "not_measured", t("may.never"))
     )
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):

@@ -88,7 +88,7 @@ class NewestNight:
     closed: str = ""  # by what every alarm of this night was closed since: accept, repaired
     todo: tuple[str, ...] = ()  # what to do, in the sentences of the page of the machine
     old: int = 0  # nights since the last measurement, where these are too many for an answer of today
-    probe: bool = False  # whether all that is open is of the probe
+    probe: str = ""  # what of the open ones is of the probe (faults.of_probe)
     answers_for: float = 7.0  # days for which a result is an answer
     former: tuple[Said, ...] = ()  # what is said of the cell beside its nights: one that was cut off
     brief: str = ""  # `cause` with the size that counts alone

@@ -22,7 +22,7 @@ from .reach import instead_of
 from .right import is_right, whole_of, without_compensation, without_full
 from .texts import Texts
 from .together import SAME, closed, together
-from .tonight import LENGTHS, by_tonight, by_verdict, is_gone, is_unseen
+from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen
 from .units import Units, shown
 from .words import of_its_night, spoken, subject, unforeseen
 
@@ -171,7 +171,7 @@ def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known:
     if stands is None:
         return dict(a)
     now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed", "ended")}
-    return {**a, **now, "confirmed": _confirmed(stands, known)}
+    return in_the_past({**a, **now, "confirmed": _confirmed(stands, known)})
 
 
 def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -232,10 +232,14 @@ def for_setting_up(a: Mapping[str, Any]) -> bool:
     return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
 
 
-def all_of_probe(found: Sequence[Mapping[str, Any]]) -> bool:
-    """faults → whether something is open, and all of it is of the probe: parts have it only by what was set up with it."""
-    listed = still_open(found)
-    return bool(listed) and all(for_setting_up(a) for a in listed)
+def of_probe(found: Sequence[Mapping[str, Any]]) -> str:
+    """faults → `_probe` where all that is open and that nobody ignores is of the probe: parts have it only by what was set up with
+    it; `_beside` where its touches scatter beside something else: then it measures no first part; else ''.
+    """
+    asked = [a for a in still_open(found) if not a.get("let_be")] or still_open(found)
+    if asked and all(for_setting_up(a) for a in asked):
+        return "_probe"
+    return "_beside" if any(change(a.get("cause_key")).scatters and not a["gone"] for a in asked) else ""
 
 
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:

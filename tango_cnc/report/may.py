@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .age import nights_old
-from .answer import Answer, answer, measuring
+from .answer import PARTS, Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts
@@ -203,7 +203,7 @@ def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
 
     To look at a machine that may still move stays before that.
     """
-    none, some, moving = t("may.brief_no"), (t("morning.parts_first"), t("may.brief_probe")), {t("morning.cut_off_todo")}
+    none, some, moving = t("may.brief_no"), [t(key) for key in PARTS.values()], {t("morning.cut_off_todo")}
     stopped = is_stopped(told, t)
     do = under_a_no(do, t) if stopped else do
     first = [none] if stopped else [x for x in some if x in do]

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ..records import InputError, Machine
+from ..state.changes import change
 from ..texts import Said, say
 from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
-from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .faults import accepted, answered, begun, faults, for_setting_up, of_probe, settled, still_open
 from .newer import NewerAnswer
 from .orders import brief_of, orders
 from .pace import Ahead, ahead
@@ -186,7 +187,7 @@ def _told(
     whether parts may be made.
     """
     waits, has = answered(found, record)
-    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
+    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
     return told if by_readings is None else by_newer(told, by_readings, u, t, machine, before or record)
 
@@ -217,7 +218,10 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
-    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in found if a["gone"] and a["begun"]), default=("", ""))
+    over = (
+        a for a in found if a["gone"] and a["begun"] and not change(a.get("cause_key")).scatters
+    )  # parts of the probe: `on_part` has them
+    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in over), default=("", ""))
     known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
     if back and not known and not (suspect and began and began <= back):
         key = f"morning.suspect_gone{'_also' if suspect else ''}{'_by' if until else ''}"

@@ -12,9 +12,9 @@ from typing import Any
 from ..records import Machine
 from ..texts import unstopped
 from .alarm import whole_sentence
-from .answer import NEWER, Answer, is_cut_off, is_moving, is_unsent, is_waiting
+from .answer import NEWER, PARTS, Answer, is_cut_off, is_moving, is_unsent, is_waiting
 from .days import day
-from .faults import all_of_probe, asking, begun, for_setting_up, settled, untried
+from .faults import asking, begun, for_setting_up, of_probe, settled, untried
 from .look import looks
 from .plain import plain, shop
 from .reach import to_ask
@@ -125,8 +125,9 @@ def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> s
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
     if is_stopped(told, t):
         return t("may.brief_no")
-    probed = all_of_probe(found) and not told.newer
-    return t("may.brief_probe" if probed else "morning.parts_first") if told.may in ("no", "but") else ""
+    if told.may not in ("no", "but"):
+        return ""
+    return t(PARTS["" if told.newer and of_probe(found) == "_probe" else of_probe(found)])
 
 
 def brief_of(first: Mapping[str, Any]) -> str:

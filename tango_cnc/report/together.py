@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..records import Machine
+from ..state.changes import change
 from ..texts import Said
 from .alarm import sentence, since_when, whole_sentence
 from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import WARMED, has_grown, is_unseen, with_effect
+from .tonight import WARMED, has_grown, is_gone, is_unseen, with_effect
 from .units import Units, shown
 from .words import moved, spoken
 
@@ -212,7 +213,7 @@ def _then(first: Mapping[str, Any], own: float, known_of: str, u: Units, t: Text
 
 def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
     """alarms of a parameter, oldest first → whether it is back where it was before the oldest of them."""
-    if same[0]["older"] and isinstance(now := same[0].get("now"), Said) and now.key == "night.alarms.gone_again_left":
+    if same[0]["older"] and is_gone(same[0].get("now") or ""):
         return True
     return any(_undoes(a, same[0]) for a in same)
 
@@ -226,9 +227,11 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     """oldest alarm of a parameter that has gone back, its size, what is left → sentence, effect, advice."""
     factor, unit = shown(str(first.get("unit") or "mm"))
     sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
-    told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
+    key = "scatter_gone" if change(first["cause_key"]).scatters else "gone_back"
+    told = {"text": f"{first['text']} {t(f'morning.{key}', **sizes)}", "todo": shop(t("night.gone_do"), t)}
     told |= {"office": office(t("night.gone_do"), t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
+    key = "gone_part_probe" if change(first["cause_key"]).scatters else key
     part = t(f"morning.{key}", date=day(first.get("since") or first["first"], t), until=until) if first["on_part"] else ""
     return told | {"on_part": part}
 
@@ -252,8 +255,13 @@ def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bo
 
 def _gone_before(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> int:
     """alarm, all alarms → how often its parameter had gone back before it: what moves after that is another event."""
-    same = [x for x in alarms if x.get("undoes") and x.get("parameter") == a.get("parameter")]
+    same = [x for x in alarms if (x.get("undoes") or _sound_again(x)) and x.get("parameter") == a.get("parameter")]
     return sum(_moment(x) < _moment(a) for x in same)
+
+
+def _sound_again(a: Mapping[str, Any]) -> bool:
+    """alarm → whether it is of touches that no longer scatter: no alarm of its own tells the way back."""
+    return change(a.get("cause_key")).scatters and is_gone(a.get("now") or "")
 
 
 def _moment(a: Mapping[str, Any]) -> str:

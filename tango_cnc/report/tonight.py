@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ..state.changes import change
 from ..texts import LIST, Said, joined, say
 from ..texts.number import number, shown
 from .texts import texts
@@ -17,6 +18,7 @@ ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more tha
 NOW = (*ONLY, "night.alarms.confirmed")
 WAS = "night.alarms.was"
 UNSEEN = ("night.alarms.unseen", "night.alarms.unseen_then")  # which say that nothing can be seen of it any more
+GONE = ("night.alarms.gone_again_left", "night.alarms.scatter_gone")  # which say that it is back where it was
 UNSURE = 2.0  # standard deviations: a smaller size may be nothing
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
@@ -26,7 +28,20 @@ SURE = 4.0  # standard deviations of its size above which it has grown although 
 
 def is_gone(now: str) -> bool:
     """what a night says of an older alarm by now → whether what moved is back where it was."""
-    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+    return isinstance(now, Said) and now.key in GONE
+
+
+def in_the_past(a: dict[str, Any]) -> dict[str, Any]:
+    """alarm of another night → the same; touches that no longer scatter did so then."""
+    text = a.get("text")
+    if (
+        not change(a.get("cause")).scatters
+        or not is_gone(a.get("now") or "")
+        or not isinstance(text, Said)
+        or text.key != "changed.noise_level"
+    ):
+        return a
+    return a | {"text": say("changed.noise_level_then", **text.values)}
 
 
 def is_over(a: Mapping[str, Any]) -> bool:

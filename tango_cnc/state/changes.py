@@ -12,6 +12,7 @@ class ChangeKind:
     of_the_probe: bool = False  # no error of a part: the probe, its stylus or the artefact
     entered: bool = False  # its cure is a number in the control
     blurred: bool = False  # a machine on the move while it is measured looks like it
+    scatters: bool = False  # single touches scatter: no direction, no way back of its own; the first sound night ends it
     family: tuple[str, ...] = ()  # of what is followed (`state.frame`): what moves there is this
 
 
@@ -26,7 +27,7 @@ CHANGES = {
     "ball": ChangeKind(),
     "table": ChangeKind(),
     "temperature": ChangeKind(),
-    "noise_level": ChangeKind(of_the_probe=True, blurred=True),
+    "noise_level": ChangeKind(of_the_probe=True, blurred=True, scatters=True),
     "unknown": ChangeKind(blurred=True),
 }
 OF_FAMILY = {family: name for name, change in CHANGES.items() for family in change.family}

@@ -20,7 +20,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 
 from ...gate import HOLD, PROVING, TOUCH, gate, served
-from ...records import OFF, Axis, InputError, Move, Plan, Touch
+from ...records import OFF, Axis, InputError, LacksSettingError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
 from .._dialogue import Stop, Talk, low
@@ -86,7 +86,7 @@ class Client(Control):
         """plan of a run, {option: value of `OPTIONS`} → nothing. Raises InputError for a plan that turns the spindle unasked."""
         turns = len({touch.standoff[plan.machine.column("S")] for touch in plan.touches}) > 1
         if turns and options.get("orient", "refuse") != "m19":
-            raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
+            raise LacksSettingError(_grbl.TURNS, "orient=m19")
 
     @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:

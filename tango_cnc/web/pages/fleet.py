@@ -27,7 +27,7 @@ from ...report.answer import (
     renamed,
 )
 from ...report.days import ago, day, spoken_days
-from ...report.faults import all_of_probe, answered, does_now, earlier, faults, settled, still_open, unclosed
+from ...report.faults import answered, does_now, earlier, faults, of_probe, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
 from ...report.newer import NewerAnswer, newer_answer
 from ...report.orders import orders, parts_first
@@ -210,7 +210,7 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
     if found and told.state not in ("not_measured", "doubtful"):
-        return since_date(found[0])
+        return since_date(_first(found))
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
     first = [n.night for n in same][-1]
@@ -250,13 +250,18 @@ def brief(
         why = told.why.partition(". ")[0].partition(": ")[2]
         return parts, f"{whole_sentence(f'{why[:1].upper()}{why[1:]}')} {told.moved}".rstrip()
     found = () if told.state == "doubtful" else found  # the readings are the reason, whatever was found before them
-    cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
+    cause = told.old or (str(_first(found)["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    first = found[0] if found and not told.old else {}
+    first = _first(found) if found and not told.old else {}
     gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
     return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), gone, told.moved) if x)
+
+
+def _first(found: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """what is wrong, one at least → the first of it that nobody ignores: the order is about that; else the first."""
+    return next((a for a in found if not a.get("let_be") and a in still_open(found)), found[0])
 
 
 def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
@@ -297,7 +302,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
         _ahead(row, state),
         settled(found),
         state.places.old(row.machine, measured_on(row.record, row.before)),
-        all_of_probe(found),
+        of_probe(found),
     )
     told = renamed(told, row.machine.former, state.texts)
     no = newer_of(row)

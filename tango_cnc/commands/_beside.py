@@ -1,0 +1,41 @@
+"""An option that does something beside another one only: stated without it, it is refused before anything is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from ..records import InputError
+from ._handed import spelt
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+class Beside(click.Option):
+    """An option, and beside which others, or arguments, it acts: as these are spelt. None: it acts by itself."""
+
+    def __init__(self, *names: Any, beside: Sequence[str] = (), **how: Any) -> None:
+        super().__init__(*names, **how)
+        self.beside = tuple(beside)
+
+    def handle_parse_result(self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]) -> tuple[Any, list[str]]:
+        """context, what was stated, the rest → as click has it. Raises InputError where it would do nothing."""
+        others = [p for p in ctx.command.params if {*p.opts, p.make_metavar(ctx).strip("[]")} & {*self.beside}]
+        if self.beside and _stated(self, ctx, opts) and not any(_stated(other, ctx, opts) for other in others):
+            raise InputError(
+                f"{spelt(self)}: found without {' or '.join(self.beside)}, so it does nothing; allowed: only beside it"
+            )
+        return super().handle_parse_result(ctx, opts, args)
+
+
+def beside(*names: str) -> Callable[..., Decorator]:
+    """spelt names of options, or arguments → what makes the decorator of an option that acts beside one of them only."""
+    return partial(click.option, cls=Beside, beside=names)
+
+
+def _stated(option: click.Parameter, context: click.Context, stated: Mapping[str, Any]) -> bool:
+    return option.consume_value(context, stated)[1] is ParameterSource.COMMANDLINE
