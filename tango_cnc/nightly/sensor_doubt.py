@@ -26,7 +26,9 @@ REFERENCE = 20.0  # °C (ISO 1): of two new sensors that contradict one is neare
 NEAR = 4.0  # K: a value in another unit that comes so near to what was expected has that unit
 
 
-def in_doubt(found: Mapping[str, Mapping[str, Any]], recent: Sequence[Mapping[str, Any]], *, soon: bool) -> dict[str, dict[str, Any]]:
+def in_doubt(
+    found: Mapping[str, Mapping[str, Any]], recent: Sequence[Mapping[str, Any]], *, soon: bool
+) -> dict[str, dict[str, Any]]:
     """what each sensor did tonight, records newest first, whether the last of them is no month ago → {sensor that is not believed:
     `why` (`jumped`, `left`, `strange`), `kelvin` that it went too far}.
     """
