@@ -1,8 +1,8 @@
 """Which temperature sensors of a night are not believed though they speak: one that leaves the others, or jumps as no shop does.
 
 A sensor in degrees Fahrenheit without a unit is a machine 45 K warmer; a cable that has come off is one of 0 °C. Whoever believes
-that reads of parts that differ by a tenth of a millimetre. What a sensor does by habit (a spindle that is hot or cold) is known from
-the nights before, and is no doubt.
+that reads of parts that differ by a tenth of a millimetre. What a sensor does by habit (a spindle that is hot or cold) is known
+from the nights before, and is no doubt.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def _said(record: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _jump(value: float, past: Sequence[float]) -> tuple[float, float | None]:
-    """°C of tonight, of the nights before, newest first → K from what it has said of late, K that it goes by habit (None: it is new,
-    and counted from 20 °C).
+    """°C of tonight, of the nights before, newest first → K from what it has said of late, K that it goes by habit (None: it is
+    new, and counted from 20 °C).
     """
     if not past:
         return value - REFERENCE, None
