@@ -168,7 +168,8 @@ def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
     from ..history.answers import every_decision
-    from ..report.morning import last_within, never_within, volumes_of
+    from ..report.morning import volumes_of
+    from ..report.suspects import last_within, never_within
 
     machine = record["machine"]
     with suppress(TangoError, OSError):

@@ -31,6 +31,7 @@ from .left_behind import MISSED, UNKEPT, packed, put_on_record, with_left
 from .mail import message
 from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
+from .suspects import to_check
 from .words import headline
 
 REACHED = "# has reached "  # below a message that waits for others
@@ -237,6 +238,8 @@ def _kept(
             waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
             silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")
             record |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
+    with suppress(TangoError, OSError):
+        record |= to_check(world.past, record)
     record["headline"] = headline(record)
     trouble: list[str] = [*record.pop("trouble", ())]
     if readings is not None:

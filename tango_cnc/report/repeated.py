@@ -153,6 +153,15 @@ def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     return _of_night(headline, found) if found else headline
 
 
+def as_dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
+    """record of a night, decisions of its machine, oldest first → its headline as it was decided since; an alarm that goes on, and
+    what a repair has left, have the date of the night that found them first, as on the page of the machine.
+    """
+    every = (a for member in ("alarms", "standing") for a in record.get(member) or ())
+    older = [a for a in every if a.get("goes_on") or before_repair(a)]
+    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": older}))
+
+
 def _put(text: Any, old: str, new: str) -> Any:
     """sentence, a part of it, what stands there instead → the same with that."""
     if text == old:
