@@ -35,7 +35,7 @@ def in_doubt(
     said = {name: float(s["mean"]) for name, s in found.items() if s["state"] in BELIEVED}
     past = [_said(r) for r in recent[:LOOKED]]
     jumps = {name: _jump(value, [p[name] for p in past if name in p]) for name, value in said.items()}
-    doubts = {
+    doubts: dict[str, dict[str, Any]] = {
         name: {"why": "jumped", "kelvin": j}
         for name, (j, habit) in jumps.items()
         if habit is not None and soon and abs(j) >= max(JUMPS, HABIT * habit)

@@ -235,7 +235,7 @@ def by_how_much(
     """member `sensors`, °C of tonight and of a night, that night, the sensor that counts (None: all) → the sensors whose °C these
     are, and what a sentence needs of it.
     """
-    names = [sensor] if sensor in sensors else [n for n in sensors if speaks(sensors, n)] or list(sensors)
+    names = [sensor] if sensor is not None and sensor in sensors else [n for n in sensors if speaks(sensors, n)] or list(sensors)
     said: Said | str = names[0] if len(names) == 1 else say("night.sensors.mean_of", names=", ".join(names)) if names else ""
     if len(names) == 1 and not speaks(sensors, names[0]) and (by := sensors[names[0]].get("by")):
         said = say("night.sensors.by", name=names[0], others=", ".join(by))
