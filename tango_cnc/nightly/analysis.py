@@ -127,7 +127,7 @@ class Nights(BeforeNight):
         result = parts.estimated(self.followed, measured.readings, u.after, u.tonight) if asked else None
         last = since(past, self.cell.machine.name, day, self.settings.every_days)
         alarms = alarms_of(self.known, last, u.ahead, u.tonight, u.named) if u.alarm else []
-        alarms = [how_warm(a, u.sensors, parts.mean(u.warmth), u.recent) for a in alarms]
+        alarms = [how_warm(a, u.sensors, parts.mean(u.warmth), u.recent, self.settings.sensor) for a in alarms]
         warm = told_of_sensors(u.sensors, self.settings.sensor, date_of(day))
         judged, inner, diagnosis = self._judged(past, kind, measured, u, result, alarms)
         heard = Heard([]) if not judged.believed else Heard(alarms) if u.first else self._answered(past, day, u, alarms, last)
@@ -142,7 +142,7 @@ class Nights(BeforeNight):
         if judged.believed and u.quiet:
             heard = self._crept(past, day, u, heard)
         now = parts.mean(u.warmth) if unknown(self.followed, u.ahead) and not warm.get("doubt") else None
-        told_warm = [with_warmth(a, place.parameters, u.sensors, now, u.recent) for a in heard.alarms]
+        told_warm = [with_warmth(a, place.parameters, u.sensors, now, u.recent, self.settings.sensor) for a in heard.alarms]
         heard = replace(heard, alarms=see_to_it_first(told_warm, warm))
         told = self._told(u, place, judged, moving, heard, diagnosis)
         told |= {"temperature": warm} if warm else {}
@@ -157,7 +157,7 @@ class Nights(BeforeNight):
         """history, day, readings → what they did to what was known."""
         assert measured.readings is not None
         before, recent = self.state(past), self._recent(past)
-        sensors, first = states(measured.readings, recent), before is None
+        sensors, first = states(measured.readings, recent, date_of(day)), before is None
         readings = counted(measured.readings, sensors)
         warmth = parts.warmth(readings, self.settings.sensor)
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)

@@ -33,9 +33,11 @@ def with_warmth(
     sensors: Mapping[str, Any],
     now: float | None,
     recent: Sequence[Mapping[str, Any]],
+    sensor: str | None = None,
 ) -> dict[str, Any]:
-    """alarm, what is known tonight, member `sensors`, °C that count, records newest first → the same; where the machine is warmer
-    or colder than in the night it is compared with, and that may be all, `warmer`, `instead` and what to do say so.
+    """alarm, what is known tonight, member `sensors`, °C that count, records newest first, the sensor that counts (None: all) → the
+    same; where the machine is warmer or colder than in the night it is compared with, and that may be all, `warmer`, `instead` and
+    what to do say so.
     """
     most, own = MOST.get(str(alarm["unit"])), own_of(parameters, str(alarm["parameter"]))
     then = next(((c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None), None)
@@ -44,7 +46,7 @@ def with_warmth(
     last, night = then
     if abs(float(alarm["size"])) > most * abs(now - last):
         return alarm
-    names, told = by_how_much(sensors, now, last, night)
+    names, told = by_how_much(sensors, now, last, night, sensor)
     follows, name = "", str(alarm["parameter"])
     rate = _rate([*_points(name, recent), (now, float(own["value"]))])
     if rate is not None:
