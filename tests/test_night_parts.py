@@ -145,7 +145,10 @@ def test_every_page_names_an_axis_with_its_own_sign(root: Path) -> None:
     """The C axis had moved by +40 µm, and "spindle or A axis or C axis … by −39.9 µm" would have doubled that."""
     cell, size = read_cell(root / "examples" / "trunnion"), -39.9 * UM
     before, now = night("M", 1), night("M", 2, "changed")
-    now["alarms"] = [alarm_of(cell, "EX0S", size, 0.6 * UM, before["night"]) | {"id": f"{now['night']}-020000-1", "owner": None, "decision": None}]
+    now["alarms"] = [
+        alarm_of(cell, "EX0S", size, 0.6 * UM, before["night"])
+        | {"id": f"{now['night']}-020000-1", "owner": None, "decision": None}
+    ]
     now["parameters"]["EX0S"] = {"value": -29.8 * UM, "unit": "mm", "std": 0.3 * UM, "change": size}
     wanted = "Spindle has moved along X by −40 µm, or A axis or C axis by +40 µm (no touch tells which) since "
     for again in (now, revived(json.loads(json.dumps(carried(now))))):
