@@ -60,7 +60,7 @@ def command(
     doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
     """
     from ..history import opened
-    from ..nightly import EXIT, Ports, night
+    from ..nightly import Ports, exit_of, night
     from ..nightly.night import sentence
     from ..nightly.notify import Notifier
     from ..plan import plan
@@ -141,7 +141,7 @@ def command(
     for delivery in record.get("notifications", ()):
         if not delivery["sent"]:
             click.echo(t("cli.nightly.unsent", to=delivery["to"], why=delivery["why"]), err=True)
-    return EXIT[record["verdict"]]
+    return exit_of(record)
 
 
 class _Held:

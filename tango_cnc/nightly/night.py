@@ -38,6 +38,12 @@ REACHED = "# has reached "  # below a message that waits for others
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
 
 
+def exit_of(record: Mapping[str, Any]) -> int:
+    """record of a night → exit status: 0 only where its page says a plain Yes, so 1 of a limit that it may be beyond, too."""
+    unsure = record["verdict"] == "good" and any(x.get("passed") is None for x in record.get("limits") or ())
+    return 1 if unsure else EXIT[record["verdict"]]
+
+
 def day_of(moment: datetime) -> float:
     """moment → days since 1970-01-01 UTC."""
     return moment.timestamp() / 86_400

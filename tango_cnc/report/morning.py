@@ -219,6 +219,9 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
+    believed = str(record.get("last_carried") or "")
+    if not suspect and not began and record.get("verdict") == "doubtful" and believed:
+        suspect = t("morning.suspect_doubt", date=day(believed, t))
     over = (
         a for a in found if a["gone"] and a["begun"] and not change(a.get("cause_key")).scatters
     )  # parts of the probe: `on_part` has them
