@@ -54,7 +54,7 @@ INTERNAL: dict[str, str | None] = {
     "history": "records texts files state nearest",
     "nightly": f"{NUMERIC} files history state loaded "
     "report.age report.answer report.days report.compensated report.units report.look report.repeated report.texts "
-    "report.right report.tonight report.words",
+    "report.right report.suspects report.tonight report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate plausible",

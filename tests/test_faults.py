@@ -20,7 +20,8 @@ from tango_cnc.history import Compensation, Decision
 from tango_cnc.report.compensated import last_written
 from tango_cnc.report.days import day, ended
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import context, last_within, render
+from tango_cnc.report.morning import context, render
+from tango_cnc.report.suspects import last_within
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say

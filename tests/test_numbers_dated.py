@@ -24,10 +24,11 @@ from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
 from tango_cnc.report.days import day
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import beyond_before, next_night
+from tango_cnc.report.morning import next_night
 from tango_cnc.report.pdf import TONES
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.signs import LEVELS, strip
+from tango_cnc.report.suspects import beyond_before
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say

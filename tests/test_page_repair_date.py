@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.one_date import begun
 from tango_cnc.nightly.standing import standing, unheard
+from tango_cnc.nightly.words import changed, headline, value
 from tango_cnc.report.answer import Answer
 from tango_cnc.report.days import day
 from tango_cnc.report.repeated import as_decided, as_found, first_night
@@ -164,3 +166,25 @@ def test_the_list_has_a_date_once() -> None:
     assert cause.count(day(date, texts())) == 1
     other = Answer("but", "Yes, but", "late", "", "x: Nothing was measured")
     assert brief(other, (), False, "", texts(), date)[1].count(day(date, texts())) == 1
+
+
+def test_the_table_of_nights_and_the_engineer_date_what_a_repair_has_left_by_the_night_that_found_it(tmp_path: Path) -> None:
+    """Both dated it by the last night without it, one night early; all else on the page had the night that found it."""
+    what = changed("EX0C", value(0.0198, "mm", 0.0004), GOOD)
+    text = say("night.repaired.same", owner="Dora", date=HIT, what=what)
+    left = moved(AFTER, text, repair={"alarm": f"{HIT}-1", "size_before": 0.0198, "back": 0.0, "found": HIT})
+    later = {**left, "night": AFTER, "now": say("night.alarms.still_there", told=value(0.0199, "mm", 0.0004)), "total": 0.0199}
+    records = [
+        night(M, 7),
+        night(M, 8, "changed", alarms=[moved(HIT, changed("EX0C", value(0.0198, "mm", 0.0004)))]),
+        night(M, 9, "changed", alarms=[left]),
+    ]
+    records.append(night(M, 10, "changed", standing=[later]))
+    records = [r | {"headline": headline(r)} for r in records]
+    place = cell(tmp_path / "one", records=records)
+    with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        page = " ".join(re.sub(r"<[^>]*>", " ", client.get(f"/machine/{M}").text).split())
+    engineer = page.partition("For the engineer")[2]
+    said, table = engineer.partition("Why this name")[0], engineer.partition("What it said")[2]
+    assert f"since the night ending {HIT}" in said and GOOD not in said, said
+    assert table.count(f"since the night ending {day(HIT, texts())}") >= 2 and f"since {day(GOOD, texts())}" not in table, table

@@ -34,7 +34,7 @@ from ..report.tonight import by_now, by_tonight, is_over
 from ..report.words import of_its_night
 from ..state.changes import change
 from ..texts import say
-from ._answered import answer_now
+from ._answered import answer_now, unsure
 from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
@@ -62,6 +62,7 @@ class Status:
     ended: Mapping[str, str]  # and how those ended that did
     left: int | None = None  # minutes that a run or a night still takes which is at work
     newer: NewerAnswer | None = None  # the answer of a report of readings after the newest night
+    unsure: bool = False  # whether nobody knows if the last night that measured was within its limits
     told: Answer | None = None  # the answer of its page, where that was asked for
 
     @property
@@ -80,6 +81,7 @@ class Status:
             or self.broken
             or self.alarms
             or self.held
+            or self.unsure
             or self.by_newer("no", "but")
             or self.trouble is not None
             or any(f.alarms for f in self.renamed)
@@ -205,6 +207,7 @@ def _read(
         ended(folder, cut),
         minutes_left(folder, time.time()),
         newer_answer(folder, record.get("end_utc")),
+        unsure(before) if nights else False,
     )
 
 

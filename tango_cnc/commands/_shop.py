@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..files.nightly import Nightly, read_nightly
-from ..report.repeated import as_decided, as_found
+from ..report.repeated import as_decided, as_found, on_another_day
 from ..report.texts import Texts, texts_of
 from ..report.tonight import sized
 
@@ -44,7 +44,7 @@ def headlines(history: History, nights: Sequence[Night], by_now: bool = True) ->
     if not by_now:
         return said
     whole = {entry: records.get(entry, {}) for entry in said}
-    return {entry: sized(as_found(text, whole[entry]), whole[entry]) for entry, text in said.items()}
+    return {entry: sized(on_another_day(as_found(text, whole[entry]), whole[entry]), whole[entry]) for entry, text in said.items()}
 
 
 def note_simulated(history: History, machine: str, t: Texts) -> None:

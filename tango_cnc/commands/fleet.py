@@ -20,10 +20,10 @@ from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
 from ..report.newer import newer_answer
-from ..report.repeated import as_found
+from ..report.repeated import as_found, on_another_day
 from ..report.tonight import sized
 from ..texts import instead, joined, say
-from ._answered import answer_now, in_short, unanswered
+from ._answered import answer_now, in_short, unanswered, unsure
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
@@ -64,16 +64,16 @@ class _Row:
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
     told: Answer | None = None  # the answer of its page, where the verdict of its newest night is not all of it
 
+    unsure: bool = False  # whether nobody knows if the last night that measured was within its limits
     unanswered: int | None = None  # causes without an answer, as pages count them, where that may be less than its alarms
 
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return (
-            self.standing.alarms_open > 0
-            if self.former
-            else bool(self.cut_off or self.stale or self.moving or self.by_newer("no", "but")) or self.standing.wants_somebody
-        )
+        if self.former:
+            return self.standing.alarms_open > 0
+        of_cell = self.cut_off or self.stale or self.moving or self.unsure or self.by_newer("no", "but")
+        return bool(of_cell) or self.standing.wants_somebody
 
     def by_newer(self, *may: str) -> bool:
         """answers → whether newer readings have given the answer of its page, and it is one of them."""
@@ -193,7 +193,7 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
     said = headlines(history, nights[:1], by_now=False)[nights[0].entry] if nights else ""
     record = history.night(nights[0].entry).record if nights else {}
-    said = as_found(said, record)
+    said = on_another_day(as_found(said, record), record)
     if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
         said = instead(said, "last night", say("check.night_before", date=nights[0].night))
     said = sized(said, record)
@@ -204,6 +204,7 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
         with suppress(TangoError):
             page = answer_now(cell.folder, cell.axes, place, newer, texts())
     more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
+    more["unsure"] = bool(nights) and unsure(_before(history, nights) or record)
     if s.alarms_open > 1:  # of two of one cause pages have one
         axes = None if cell is None else cell.axes
         more["unanswered"] = unanswered(history, s.machine, axes, _before(history, nights), texts())

@@ -62,7 +62,7 @@ def command(
     doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
     """
     from ..history import opened
-    from ..nightly import EXIT, Ports, night
+    from ..nightly import Ports, exit_of, night
     from ..nightly.night import sentence
     from ..nightly.notify import Notifier
     from ..plan import plan
@@ -143,7 +143,7 @@ def command(
     for delivery in record.get("notifications", ()):
         if not delivery["sent"]:
             click.echo(t("cli.nightly.unsent", to=delivery["to"], why=delivery["why"]), err=True)
-    return EXIT[record["verdict"]]
+    return exit_of(record)
 
 
 class _Held:
@@ -170,7 +170,8 @@ def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
     from ..history.answers import every_decision
-    from ..report.morning import last_within, never_within, volumes_of
+    from ..report.morning import volumes_of
+    from ..report.suspects import last_within, never_within
 
     machine = record["machine"]
     with suppress(TangoError, OSError):

@@ -37,6 +37,28 @@ class Nested:
         return all(after < before for before, after in self.schemes.values())
 
 
+@dataclass(frozen=True)
+class _Alike:
+    """Candidates of k columns each: their numbers (b,), their columns (b, k), products of any two of them at each touch."""
+
+    blocks: NDArray[np.int64]
+    at: NDArray[np.int64]
+    products: Array  # (b·k·(k + 1)/2, n)
+
+    @classmethod
+    def of(cls, rows: Array, blocks: NDArray[np.int64], at: NDArray[np.int64]) -> _Alike:
+        """(N, n) columns one after the other, numbers of candidates, their columns → these with their products."""
+        i, j = np.tril_indices(at.shape[1])
+        return cls(blocks, at, rows[at[:, i].ravel()] * rows[at[:, j].ravel()])
+
+    def gram(self, counts: Array) -> Array:
+        """(n,) 1 of the touches that count, else 0 → (b, k, k) sums of the products over these."""
+        (b, k), (i, j) = self.at.shape, np.tril_indices(self.at.shape[1])
+        found = np.empty((b, k, k))
+        found[:, i, j] = found[:, j, i] = (self.products @ counts).reshape(b, -1)
+        return found
+
+
 class Folds:
     """Design and data of everything but one cause, (n + known, p) and (n + known,), and the catalogue over the touches.
 
@@ -50,7 +72,9 @@ class Folds:
         self.price = np.concatenate([e.catalogue.price, [o.price for o in e.chosen]])
         self.size = np.array([b.shape[1] for b in blocks])
         self.start = np.concatenate([[0], np.cumsum(self.size)[:-1]]).astype(np.int64)
-        self.columns = np.hstack(blocks)
+        self.rows = np.vstack([b.T for b in blocks])  # one column after the other: they are read one by one
+        own = (np.flatnonzero(self.size == k) for k in np.unique(self.size))
+        self.alike = [_Alike.of(self.rows, b, self.start[b][:, None] + np.arange(self.size[b[0]])) for b in own]
         every = (*e.catalogue.candidates, *(o.candidate for o in e.chosen))
         self.named = np.flatnonzero([c.named for c in e.catalogue.candidates])
         self.towards = np.array([[k.name[-1:] for k in c.coefficients] == [*AXES] for c in every])
@@ -68,6 +92,7 @@ class Folds:
         at = len(self.e.catalogue.candidates) + next(i for i, c in enumerate(self.e.chosen) if c is one)
         shown = np.pad(one.candidate.columns, ((0, len(self.base) - n), (0, 0)))
         shown = shown @ np.linalg.lstsq(without @ shown, without @ data, rcond=None)[0]
+        beside = self.rows @ design[:n]
         code = self.e.catalogue.causes.index(one.candidate.cause)
         result = {}
         selected = trials = 0
@@ -80,14 +105,13 @@ class Folds:
             errors, counts = np.zeros((n, 2)), keep.copy()
             for g in np.unique(fold):
                 out = np.flatnonzero(fold == g)
-                inside = np.setdiff1d(np.arange(len(design)), out)
-                score = self._scores(design, data, inside, n)
+                score = self._scores(design, data, out, beside)
                 own = np.flatnonzero(self.e.catalogue.group == code)
                 best = own[int(np.argmax(score[own]))]
                 if counted and float(mine[out].sum()) <= ALONE * float(mine.sum()):
                     selected += bool(score[best] > score[self.named].max() - NEAR)
                     trials += 1
-                columns = self.columns[:, self.start[best] : self.start[best] + self.size[best]]
+                columns = self.rows[self.start[best] : self.start[best] + self.size[best]].T
                 within = add(without, np.pad(columns, ((0, len(design) - n), (0, 0))))
                 of_pattern = np.zeros((len(out), 2))
                 for i, maker in enumerate((without, within)):
@@ -100,26 +124,28 @@ class Folds:
                 result[name] = (rms((errors[:, 0] / self.weight)[counts]), rms((errors[:, 1] / self.weight)[counts]))
         return Nested(result, Stability(selected, trials))
 
-    def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], n: int) -> Array:
-        """design, data, rows that are fitted → (blocks,) evidence of each candidate beside the design."""
-        touches = inside[inside < n]
+    def _scores(self, design: Array, data: Array, out: NDArray[np.int64], beside: Array) -> Array:
+        """design, data, touches that are not fitted, (N, p) candidates along the design → (blocks,) evidence of each beside it."""
+        inside = np.setdiff1d(np.arange(len(design)), out)
         scale = np.linalg.norm(design[inside], axis=0)
-        u, s, _ = np.linalg.svd(design[inside] / np.where(scale > 0, scale, 1.0), full_matrices=False)
-        u = u[:, s > faint(data[touches]) * s[0]]
+        scale = np.where(scale > 0, scale, 1.0)
+        u, s, v = np.linalg.svd(design[inside] / scale, full_matrices=False)
+        touches, n = inside[inside < self.rows.shape[1]], self.rows.shape[1]
+        some = s > faint(data[touches]) * s[0]
+        u = u[:, some]
         y = data[inside] - u @ (u.T @ data[inside])
-        q = u[: len(touches)]
-        x = self.columns[touches]
-        along = x.T @ y[: len(touches)]
-        across = q.T @ x
+        counts, left_over = np.zeros(n), np.zeros(n)
+        counts[touches], left_over[touches] = 1.0, y[: len(touches)]
+        along = self.rows @ left_over
+        # u = design · v / s: what candidates are along it follows from what they are along the design, and few touches are out.
+        across = (beside - self.rows[:, out] @ design[out]) @ (v[some].T / scale[:, None] / s[some])
         m, whole = len(inside) - u.shape[1], float(y @ y)
         result = np.full(len(self.size), -np.inf)
-        for k in np.unique(self.size):
-            blocks = np.flatnonzero(self.size == k)
-            at = self.start[blocks][:, None] + np.arange(k)
-            own, gone = x.T[at], across.T[at]
-            gram = own @ own.transpose(0, 2, 1)
-            length = np.einsum("bkk->bk", gram)
-            left = gram - gone @ gone.transpose(0, 2, 1)
+        for each in self.alike:
+            blocks, at, k = each.blocks, each.at, each.at.shape[1]
+            gone, left = across[at], each.gram(counts)
+            length = np.einsum("bkk->bk", left).copy()
+            left -= gone @ gone.transpose(0, 2, 1)
             left[:, np.arange(k), np.arange(k)] += RIDGE * length + 1e-30
             right = along[at]
             taken = np.sum(right * np.linalg.solve(left, right[:, :, None])[:, :, 0], axis=1)

@@ -58,7 +58,7 @@ from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
 from .trend import drift, looking_ahead, slopes
-from .warmth import unknown, with_warmth
+from .warmth import as_warm_as, unknown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -127,7 +127,7 @@ class Nights(BeforeNight):
         result = parts.estimated(self.followed, measured.readings, u.after, u.tonight) if asked else None
         last = since(past, self.cell.machine.name, day, self.settings.every_days)
         alarms = alarms_of(self.known, last, u.ahead, u.tonight, u.named) if u.alarm else []
-        alarms = [how_warm(a, u.sensors, parts.mean(u.warmth), u.recent) for a in alarms]
+        alarms = [how_warm(a, u.sensors, parts.mean(u.warmth), u.recent, self.settings.sensor) for a in alarms]
         warm = told_of_sensors(u.sensors, self.settings.sensor, date_of(day))
         judged, inner, diagnosis = self._judged(past, kind, measured, u, result, alarms)
         heard = Heard([]) if not judged.believed else Heard(alarms) if u.first else self._answered(past, day, u, alarms, last)
@@ -142,7 +142,7 @@ class Nights(BeforeNight):
         if judged.believed and u.quiet:
             heard = self._crept(past, day, u, heard)
         now = parts.mean(u.warmth) if unknown(self.followed, u.ahead) and not warm.get("doubt") else None
-        told_warm = [with_warmth(a, place.parameters, u.sensors, now, u.recent) for a in heard.alarms]
+        told_warm = [with_warmth(a, place.parameters, u.sensors, now, u.recent, self.settings.sensor) for a in heard.alarms]
         heard = replace(heard, alarms=see_to_it_first(told_warm, warm))
         told = self._told(u, place, judged, moving, heard, diagnosis)
         told |= {"temperature": warm} if warm else {}
@@ -157,7 +157,7 @@ class Nights(BeforeNight):
         """history, day, readings → what they did to what was known."""
         assert measured.readings is not None
         before, recent = self.state(past), self._recent(past)
-        sensors, first = states(measured.readings, recent), before is None
+        sensors, first = states(measured.readings, recent, date_of(day)), before is None
         readings = counted(measured.readings, sensors)
         warmth = parts.warmth(readings, self.settings.sensor)
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
@@ -283,6 +283,12 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
+        now = (
+            parts.mean(u.warmth)
+            if trusted and not told_of_sensors(u.sensors, self.settings.sensor, date_of(day)).get("doubt")
+            else None
+        )
+        waiting, silent = as_warm_as(waiting, now), as_warm_as(silent, now)
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
 

@@ -54,7 +54,7 @@ def message(
     owner = owner_of(record.get("owner"), record, t)
     lines = [
         *_first(record, decisions, t),
-        *(*crossed, *([""] if crossed else [])),
+        *(*crossed, *_before(record, t), *([""] if crossed or _before(record, t) else [])),
         *([t("mail.stale", nights=stale, date=record["last_measured"]), ""] if (stale := record.get("stale_nights")) else []),
         *_alarms(record, decisions, t),
         *_standing(record, decisions, t),
@@ -93,6 +93,15 @@ def _first(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
     first = sized(as_found(as_decided(record, decisions), record), record)
     return [*lines, _sentence(t.of(first)), *parts_first(record, t), ""]
+
+
+def _before(record: Mapping[str, Any], t: Texts) -> list[str]:
+    """record, texts → of a night that measured nothing the limits as the last one knew them; which parts to check, where a limit is
+    crossed or nothing was measured.
+    """
+    night = record.get("last_measured")
+    lines = [t("morning.now_of", told=_limit_line(x, t), date=night) for x in record.get("last_limits") or ()]
+    return lines + ([f"* {t('mail.suspect', text=parts)}"] if (parts := record.get("parts_to_check")) else [])
 
 
 def _alarms(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> list[str]:
@@ -298,10 +307,10 @@ def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, 
 
 def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
     """alarm, record, its night if that is tonight, texts → which parts may have what moved in one night, as its page says; '' where
-    that is another matter: of the probe, of what has gone back, of a repair, and beyond a limit, which may be older.
+    that is another matter: of the probe, of what has gone back, and beyond a limit (`parts_to_check`).
     """
     since = str(cause.get("since") or "")
-    at_once = night and since and not any(cause.get(key) for key in ("undoes", "repair", "rate_per_day", "goes_on"))
+    at_once = night and since and not any(cause.get(key) for key in ("undoes", "rate_per_day", "goes_on"))
     of_machine = not change(cause.get("cause")).of_the_probe and cause.get("cause") not in WARMED
     if not at_once or not of_machine or record["verdict"] != "changed":
         return ""

@@ -31,10 +31,17 @@ from .left_behind import MISSED, UNKEPT, packed, put_on_record, with_left
 from .mail import message
 from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
+from .suspects import to_check
 from .words import headline
 
 REACHED = "# has reached "  # below a message that waits for others
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
+
+
+def exit_of(record: Mapping[str, Any]) -> int:
+    """record of a night → exit status: 0 only where its page says a plain Yes, so 1 of a limit that it may be beyond, too."""
+    unsure = record["verdict"] == "good" and any(x.get("passed") is None for x in record.get("limits") or ())
+    return 1 if unsure else EXIT[record["verdict"]]
 
 
 def day_of(moment: datetime) -> float:
@@ -237,6 +244,8 @@ def _kept(
             waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
             silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")
             record |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
+    with suppress(TangoError, OSError):
+        record |= to_check(world.past, record)
     record["headline"] = headline(record)
     trouble: list[str] = [*record.pop("trouble", ())]
     if readings is not None:

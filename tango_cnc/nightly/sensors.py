@@ -18,6 +18,7 @@ import numpy as np
 from ..records import Array, Readings
 from ..state.naming import WARMER
 from ..texts import Said, joined, say
+from .sensor_doubt import DOUBTED, in_doubt, sentence
 
 TEMPERATURE = "temperature"  # cause of an alarm
 HEARD, PARTLY, SILENT, FROZEN = "heard", "partly", "silent", "frozen"
@@ -29,9 +30,9 @@ MONTH = 30  # nights of one value before a sensor that says whole degrees is tho
 TOLD = 14  # days for which a column that is there no more is told; somebody may have taken the sensor away
 
 
-def states(readings: Readings, recent: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """readings, records newest first → member `sensors` of the record: {sensor: state, since, values that it gave, `counts`:
-    °C that counts in its place}.
+def states(readings: Readings, recent: Sequence[Mapping[str, Any]], night: str = "") -> dict[str, dict[str, Any]]:
+    """readings, records newest first, date of the night ('': soon after) → member `sensors` of the record: {sensor: state, since,
+    values that it gave, `counts`: °C that counts in its place}. Which sensor is believed is decided here alone.
     """
     before = next((r for r in recent if r.get("sensors") or r.get("temperatures")), {})
     known = {**{n: {"state": HEARD, **t} for n, t in (before.get("temperatures") or {}).items()}, **(before.get("sensors") or {})}
@@ -41,6 +42,12 @@ def states(readings: Readings, recent: Sequence[Mapping[str, Any]]) -> dict[str,
         if values is None and own is not None and own.get("gone") and _age(own.get("since"), before) > TOLD and not _counts(own):
             continue
         found[name] = _state(name, values, own, before, recent)
+    soon = not night or not before or _age(before.get("night"), {"night": night}) <= MONTH
+    for name, doubt in in_doubt(found, recent, soon=soon).items():
+        own = known.get(name) or {}
+        since = own.get("since") if own.get("state") == DOUBTED else str(before["night"]) if own and before else None
+        said = {key: found[name][key] for key in ("mean", "first", "last")}
+        found[name] = {"state": DOUBTED, "since": since, **doubt, **said}
     alive = {name for name, s in found.items() if s["state"] in (HEARD, PARTLY)}
     for name, s in found.items():
         last = _counts(known.get(name))
@@ -162,7 +169,10 @@ def told(sensors: Mapping[str, Mapping[str, Any]], wanted: str | None, night: st
         text = say("night.sensors.rests_other", sensor=wanted)
     elif lost:
         rests, text = _rests(bad, lost, sensors)
-    return {"rests": rests, "sensors": list(bad), "doubt": bool(doubt), "text": joined("", (joined("; ", parts), ". ", text))}
+    disbelieved = [n for n, s in bad.items() if s["state"] == DOUBTED]
+    text = joined(" ", (text, say("night.sensors.doubted_do"))) if disbelieved else text
+    whole = {"rests": rests, "sensors": list(bad), "doubt": bool(doubt), "text": joined("", (joined("; ", parts), ". ", text))}
+    return whole | ({"doubted": disbelieved} if disbelieved else {})
 
 
 def _left(s: Mapping[str, Any], night: str) -> bool:
@@ -191,6 +201,8 @@ def _one(name: str, s: Mapping[str, Any]) -> Said:
         if "after" in s:
             return say("night.sensors.fell", name=name, touch=s["after"], value=f"{s['last']:.1f}")
         return say("night.sensors.gaps", name=name, count=s["missing"])
+    if s["state"] == DOUBTED:
+        return sentence(name, s)
     if s["state"] == FROZEN:
         return say("night.sensors.frozen", name=name, since=s["since"], value=f"{s['last']:.3f}")
     if s.get("since"):
@@ -205,35 +217,48 @@ def see_to_it_first(alarms: Sequence[dict[str, Any]], temperature: Mapping[str, 
     if temperature.get("rests", "sensors") == "sensors":
         return list(alarms)
     names = ", ".join(temperature["sensors"])
+    key = "night.sensors.do_doubted" if temperature.get("doubted") else "night.sensors.do"
     doubt = [TEMPERATURE] if temperature["doubt"] else []
     return [
         {
             **a,
-            "do": say("night.sensors.do", do=a["do"], names=names),
+            "do": say(key, do=a["do"], names=names),
             "instead": [*(n for n in doubt if n != a["cause"]), *a["instead"]],
         }
         for a in alarms
     ]
 
 
-def by_how_much(sensors: Mapping[str, Any], now: float, then: float, night: str) -> tuple[list[str], dict[str, str]]:
-    """member `sensors`, °C of tonight and of a night, that night → the sensors that say so, and what a sentence needs of it."""
-    names = [n for n in sensors if speaks(sensors, n)] or list(sensors)
+def by_how_much(
+    sensors: Mapping[str, Any], now: float, then: float, night: str, sensor: str | None = None
+) -> tuple[list[str], dict[str, Any]]:
+    """member `sensors`, °C of tonight and of a night, that night, the sensor that counts (None: all) → the sensors whose °C these
+    are, and what a sentence needs of it.
+    """
+    names = [sensor] if sensor is not None and sensor in sensors else [n for n in sensors if speaks(sensors, n)] or list(sensors)
+    said: Said | str = names[0] if len(names) == 1 else say("night.sensors.mean_of", names=", ".join(names)) if names else ""
+    if len(names) == 1 and not speaks(sensors, names[0]) and (by := sensors[names[0]].get("by")):
+        said = say("night.sensors.by", name=names[0], others=", ".join(by))
     degrees = {"now": f"{now:.1f}", "then": f"{then:.1f}", "kelvin": f"{abs(now - then):.1f}"}
-    return names, degrees | {"sensor": ", ".join(names), "night": night}
+    return names, degrees | {"sensor": said, "night": night}
 
 
 def how_warm(
-    alarm: dict[str, Any], sensors: Mapping[str, Any], now: float | None, recent: Sequence[Mapping[str, Any]]
+    alarm: dict[str, Any],
+    sensors: Mapping[str, Any],
+    now: float | None,
+    recent: Sequence[Mapping[str, Any]],
+    sensor: str | None = None,
 ) -> dict[str, Any]:
-    """alarm of a change with temperature, member `sensors`, °C that count, records newest first → the same with how much warmer the
-    machine is, by which sensors, and than in which night: the last one that was clearly warmer or colder. Any other alarm as it is.
+    """alarm of a change with temperature, member `sensors`, °C that count, records newest first, the sensor that counts (None: all)
+    → the same with how much warmer the machine is, by which sensors, and than in which night: the last one that was clearly warmer
+    or colder. Any other alarm as it is.
     """
     then = [(c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None]
     if alarm["cause"] != TEMPERATURE or now is None or not then:
         return alarm
     last, night = next(((c, n) for c, n in then if abs(now - c) >= WARMER), then[0])
-    names, told = by_how_much(sensors, now, last, night)
+    names, told = by_how_much(sensors, now, last, night, sensor)
     key = "changed.warmer" if now >= last else "changed.colder"
     text = say(key, size=alarm["text"].values["size"], **told)
     return alarm | {"text": text, "warmer": {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}}

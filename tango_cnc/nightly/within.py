@@ -13,6 +13,8 @@ from .alarms import Known, others, said_of
 from .dates import Since
 from .doubt import NightDoubt
 
+SOON = 0.05  # min, which would be told as 0.0
+
 
 def moved_within(k: Known, found: Within, readings: Readings) -> NightDoubt:
     """what is known, the step, readings → the judgement of a night whose touches are of two machines: it teaches nothing."""
@@ -22,7 +24,8 @@ def moved_within(k: Known, found: Within, readings: Readings) -> NightDoubt:
     names = others(k, found.named.hypothesis.parameter, found.named.instead)
     also = say("night.within.or", names=", ".join(names)) if names else ""
     place = {"before": str(made.index(found.before) + 1), "after": str(made.index(found.after) + 1), "count": str(len(made))}
-    reason = say("night.within.step", text=text, also=also, minutes=f"{minutes:.1f}", **place)
+    told = {"text": text, "also": also, **place}
+    reason = say("night.within.step_soon", **told) if minutes < SOON else say("night.within.step", **told, minutes=f"{minutes:.1f}")
     return NightDoubt("doubtful", (reason,), believed=False)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..records import Machine
-from ..texts import Said, instead
+from ..texts import Said, instead, say
 from .days import day, days_between, local_day
 from .plain import office, plain, shop
 from .reach import of_two, or_else
@@ -45,7 +45,7 @@ def alarm(
         "raw_text": raw,
         "id": str(a.get("id") or ""),
         "text": whole_sentence(sentence(plain(with_its_date(told, raw, t), u, t, machine), Units())),
-        "recorded": sentence(raw, u, t),
+        "recorded": sentence(_recorded(told, raw), u, t),
         "night": asked,
         "first": found,  # date of the first night on which it was seen
         "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
@@ -108,6 +108,12 @@ def with_its_date(a: Mapping[str, Any], raw: str, t: Texts) -> str:
         return raw
     told = instead(raw, "last night", since)
     return instead(told, since, since_when(a, t)) if _at_once(a) else told
+
+
+def _recorded(a: Mapping[str, Any], raw: str) -> str:
+    """alarm with its night, its sentence → the sentence as it was recorded; on a later day with the night that found it."""
+    since = str(a.get("since") or "")
+    return instead(raw, since, say("morning.found", date=a["night"])) if since and _at_once(a) else raw
 
 
 def _at_once(a: Mapping[str, Any]) -> bool:

@@ -395,6 +395,7 @@ def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Mach
         name = t("may.tip") if what == "volume" else spoken(what, machine, t)
         unit = str(worst.get("unit") or "µm")
         text = _pair(name, float(worst["value"]), float(worst["limit"]), unit, u, t)
+        text = t("may.numbers_unsure", text=text) if worst.get("passed", True) is None else text
     elif (record.get("volume") or {}).get("worst_um") is not None:
         text = t("may.no_limit", what=t("may.tip"), found=amount(float(record["volume"]["worst_um"]), "µm", u, t))
     else:

@@ -21,7 +21,8 @@ from .orders import brief_of, orders
 from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, said_of_repair
+from .repeated import as_dated, said_of_repair
+from .suspects import beyond_before, suspected
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
@@ -152,7 +153,7 @@ def context(
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(as_decided(record, decisions), u, t),
+        "headline": sentence(as_dated(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
         "todo": todo,
@@ -218,6 +219,9 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
+    believed = str(record.get("last_carried") or "")
+    if not suspect and not began and record.get("verdict") == "doubtful" and believed:
+        suspect = t("morning.suspect_doubt", date=day(believed, t))
     over = (
         a for a in found if a["gone"] and a["begun"] and not change(a.get("cause_key")).scatters
     )  # parts of the probe: `on_part` has them
@@ -343,13 +347,9 @@ def _night(date: str, unsure: Container[str], t: Texts) -> str:
 def _suspect(may: str, within: str, never: str, began: str, unsure: Container[str], t: Texts) -> str:
     """answer, date of the last night in limits, of the first where none was, of that before the first open fault, dates of nights
     that are not certain, texts → parts in question, or nothing."""
-    if may == "no" and never:
-        return t("morning.suspect_all", date=_night(never, unsure, t))
-    if may == "no" and within:
-        if began and began < within:
-            return t("morning.suspect_both", date=day(began, t), within=_night(within, unsure, t))
-        return t("morning.suspect_beyond", date=_night(within, unsure, t))
-    return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
+    if (found := suspected(may, within, never, began)) is None:
+        return ""
+    return t(found.key, **{name: _night(date, unsure if name in found.limits else (), t) for name, date in found.dates.items()})
 
 
 def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
@@ -392,34 +392,6 @@ def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mappi
     return " ".join(
         x for x in (t("morning.call", owner=record["owner"]), or_else(record["owner"], 0, str(record.get("deputy") or ""), t)) if x
     )
-
-
-def last_within(nights: Sequence[tuple[str, str]]) -> str:
-    """(date, verdict) of nights, newest first → date of the last one within every limit, where the newest measured one is not."""
-    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
-    if not measured or measured[0][1] != "out_of_limits":
-        return ""
-    return next((date for date, verdict in measured if verdict != "out_of_limits"), "")
-
-
-def never_within(nights: Sequence[tuple[str, str]]) -> str:
-    """(date, verdict) of nights, newest first → date of the first that measured, where every one was beyond a limit; else ''."""
-    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
-    return measured[-1][0] if measured and all(verdict == "out_of_limits" for _, verdict in measured) else ""
-
-
-def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
-    """(date, verdict) of nights, newest first, a date from which on parts are in question → date of the first night of those
-    beyond a limit that lead up to it without one within; '' where the one of that date was within.
-    """
-    first = ""
-    for night, verdict in nights:
-        if night > date or verdict in ("not_measured", "doubtful"):
-            continue
-        if verdict != "out_of_limits":
-            return "" if night == date else first  # of two nights of one day the earlier one was within
-        first = night
-    return first
 
 
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:

@@ -100,7 +100,9 @@ def parts_since(measured: str, found: Sequence[Mapping[str, Any]], record: Mappi
     texts → to check the parts made since that night, or since what is open began, as one order; [] where no date is known.
     """
     open_since = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
-    first = min((date for date in (measured, open_since) if date), default="")
+    if measured and open_since and open_since < measured:  # the nights until then were within the limit
+        return [t("todo.parts_since_open", date=day(measured, t), open=day(open_since, t))]
+    first = measured or open_since
     return [t("todo.parts_since", date=day(first, t))] if first else []
 
 

@@ -153,6 +153,25 @@ def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     return _of_night(headline, found) if found else headline
 
 
+def on_another_day(headline: Any, record: Mapping[str, Any]) -> Any:
+    """headline of a night, its record → the same, to be read on another day: what an alarm has gone on by came since the night
+    before that one.
+    """
+    for a in record.get("alarms") or ():
+        if isinstance(told := (a.get("goes_on") or {}).get("text"), Said) and told.values.get("since") == LAST_NIGHT:
+            headline = _put(headline, told, told.but(since=say("row.last_night")))
+    return headline
+
+
+def as_dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
+    """record of a night, decisions of its machine, oldest first → its headline as it was decided since; an alarm that goes on, and
+    what a repair has left, have the date of the night that found them first, as on the page of the machine.
+    """
+    every = (a for member in ("alarms", "standing") for a in record.get(member) or ())
+    older = [a for a in every if a.get("goes_on") or before_repair(a)]
+    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": older}))
+
+
 def _put(text: Any, old: str, new: str) -> Any:
     """sentence, a part of it, what stands there instead → the same with that."""
     if text == old:

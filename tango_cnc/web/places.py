@@ -24,6 +24,7 @@ from ..records import Cell, Machine, TangoError
 from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from ..report.signs import of_night
+from ..report.suspects import as_limited
 from .newest import NewestRecords
 from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, file_of, looks_of
 from .served import Row, Served, slug_of
@@ -333,10 +334,7 @@ def today() -> str:
 
 def told(night: Night, limits: Mapping[str, float]) -> str:
     """night, limits (µm) → its verdict; changed and beyond its limit is out of limits, good and stopped is partial."""
-    beyond = night.volume_um is not None and "volume" in limits and night.volume_um > limits["volume"]
-    if beyond and night.verdict in ("good", "changed"):
-        return "out_of_limits"
-    return "partial" if night.status == "partial" and night.verdict == "good" else night.verdict
+    return as_limited(night.verdict, night.status, night.volume_um, limits)
 
 
 def measured_before(nights: Sequence[Night]) -> Night | None:

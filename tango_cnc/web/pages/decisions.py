@@ -122,8 +122,10 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
     ]
     said, moving = answer_of(row, found, state), is_moving(row.record or {}, row.machine.former)
     said = measuring(said, state.texts) if busy and said is not None else said
+    held = [(i, a["decision"].owner) for a in shown if a["decision"] is not None for i in a["held"]]
     return {
         "machine": row.machine,
+        "taken": {i: f"repaired --owner {shlex.quote(str(owner))}" for i, owner in held},  # as `--status` says
         "where": _where(row.machine),
         "typed": _typed(row.machine, state.texts),
         "answer": said,

@@ -23,12 +23,13 @@ from ...report.compensated import begins, marked
 from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
-from ...report.morning import context, last_within, never_within, volumes_of, who_of
+from ...report.morning import context, volumes_of, who_of
 from ...report.newer import newer_answer
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
+from ...report.repeated import as_dated, in_a_row, of_shop, shortened
 from ...report.signs import SHORT, level_of, strip
+from ...report.suspects import last_within, never_within
 from ...report.texts import Texts
 from ...report.tonight import sized
 from ...report.units import Units
@@ -342,19 +343,11 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = shortened([_dated(records.get(n.entry, {}), decisions) or n.headline for n in nights])
+        said = shortened([as_dated(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         rows = [in_a_row(of_shop(sized(text, records.get(n.entry, {})))) for n, text in zip(nights, said, strict=True)]
         return {n.entry: sentence(plain(plainly(row, t), u, t, axes), Units()) for n, row in zip(nights, rows, strict=True)}
 
     return state.places.kept(key, made, 600)
-
-
-def _dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
-    """record of a night, decisions → its headline; an alarm that goes on has the date of the night that found it first, as on the
-    page of the machine.
-    """
-    going = [a for a in record.get("alarms") or () if a.get("goes_on")]
-    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": going}))
 
 
 def nights(request: Request) -> Response:

@@ -14,8 +14,9 @@ from ...records import InputError
 from ...report.age import measured_on
 from ...report.compensated import known_then
 from ...report.days import days_between
-from ...report.morning import context, last_within, never_within, volumes_of
+from ...report.morning import context, volumes_of
 from ...report.newer import newer_answer
+from ...report.suspects import last_within, never_within
 from ..app import machine_of, needs, page, state_of
 from ..places import told
 from ..served import Served

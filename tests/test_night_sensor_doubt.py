@@ -1,0 +1,129 @@
+"""A temperature sensor that speaks and is not to be believed is named, and the others count in its place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tango_cnc.nightly.sensors import by_how_much, counted, how_warm, see_to_it_first, states, told
+from tango_cnc.records import Readings
+from tango_cnc.texts import say
+
+
+def read(**sensors: float) -> Readings:
+    count = 4
+    nothing = np.zeros((count, 1))
+    ones = np.ones(count, dtype=np.int64)
+    return Readings(
+        ("X",),
+        np.arange(1, count + 1),
+        np.arange(count, dtype=float),
+        (1,) * count,
+        nothing,
+        nothing,
+        ("ok",) * count,
+        ones,
+        ones,
+        temperatures={name: value + np.linspace(0.0, 0.1, count) for name, value in sensors.items()},
+    )
+
+
+def follow(*each: Readings, wait: int = 1) -> list[dict[str, Any]]:
+    """readings of nights, days before the last one → their records, newest first, as far as sensors go."""
+    records: list[dict[str, Any]] = []
+    for day, readings in enumerate(each, 1):
+        last = day == len(each) and wait > 1
+        night = "2026-12-28" if last else f"2026-10-{day:02d}"
+        records.insert(0, {"night": night, "sensors": states(readings, records, night)})
+    return records
+
+
+SHOP = (19.4, 20.4, 21.5, 21.2, 19.7, 18.6)
+
+
+def four(bed: float, t: float | None = None) -> Readings:
+    t = bed if t is None else t
+    return read(bed=bed, table=t - 0.4, air=t + 1.0, bar=t - 0.5)
+
+
+NIGHTS = [four(t) for t in SHOP]
+
+
+def doubts(record: dict[str, Any]) -> list[str]:
+    return [n for n, s in record["sensors"].items() if s["state"] == "doubted"]
+
+
+@pytest.mark.parametrize("said", [66.13, 0.0, 85.0, -40.0, 292.1])
+def test_a_sensor_that_leaves_the_others_is_in_doubt_and_they_count(said: float) -> None:
+    records = follow(*NIGHTS, four(said, 18.96))
+    bed = records[0]["sensors"]["bed"]
+    assert doubts(records[0]) == ["bed"] and bed["by"] == ["air", "bar", "table"] and bed["since"] == "2026-10-06"
+    assert bed["counts"] == pytest.approx(18.96 + 0.05, abs=0.01) and bed["mean"] == pytest.approx(said + 0.05)
+    filled = counted(four(said, 18.96), records[0]["sensors"]).temperatures["bed"]
+    assert float(filled.mean()) == pytest.approx(bed["counts"], abs=1e-3)
+    found = told(records[0]["sensors"], "bed", records[0]["night"])
+    assert f"bed says {said + 0.05:.1f} °C and is not believed" in found["text"] and "rests on air, bar, table" in found["text"]
+    assert (found["rests"], found["doubted"]) == ("others", ["bed"]) and "its unit, its cable" in found["text"]
+    asked = see_to_it_first([{"cause": "scale", "do": "Check the scale.", "instead": []}], found)[0]
+    assert asked["do"].startswith("See first whether the temperature sensor says the truth (bed)")
+    # it says so every night, and is believed again when it is right again
+    more = follow(*NIGHTS, *[four(said + k, 18.96) for k in (0.0, 0.4, -0.3)], four(19.14))
+    assert [doubts(r) for r in more[1:4]] == [["bed"]] * 3 and more[1]["sensors"]["bed"]["since"] == "2026-10-06"
+    assert doubts(more[0]) == []
+
+
+def test_degrees_fahrenheit_without_a_unit_are_said_to_be_that() -> None:
+    records = follow(*NIGHTS, four(66.13, 18.96))
+    assert "read in °F it would be 19.0 °C" in told(records[0]["sensors"], "bed", "2026-10-07")["text"]
+    assert "read in" not in told(follow(*NIGHTS, four(85.0, 18.96))[0]["sensors"], "bed", "2026-10-07")["text"]
+
+
+def test_two_sensors_that_contradict_leave_the_one_in_doubt_that_has_jumped() -> None:
+    nights = [read(bed=t, air=t + 1.0) for t in SHOP]
+    assert doubts(follow(*nights, read(bed=38.0, air=20.0))[0]) == ["bed"]
+    assert doubts(follow(*nights, read(bed=19.0, air=0.0))[0]) == ["air"]
+    assert doubts(follow(read(bed=68.0, air=20.0))[0]) == ["bed"]  # the first night of both
+    assert doubts(follow(read(bed=68.0, air=20.0, bar=19.0))[0]) == ["bed"]
+
+
+def test_a_sensor_alone_that_jumps_as_no_shop_does_is_in_doubt_and_what_it_said_last_counts() -> None:
+    nights = [read(bed=t) for t in SHOP]
+    newest = follow(*nights, read(bed=66.1))[0]
+    assert newest["sensors"]["bed"]["state"] == "doubted" and newest["sensors"]["bed"]["counts"] == pytest.approx(18.65)
+    found = told(newest["sensors"], None, newest["night"])
+    assert (found["rests"], found["doubt"]) == ("earlier", True) and "no shop does that" in found["text"]
+    assert doubts(follow(*nights, read(bed=66.1), wait=60)[0]) == []  # of a shop that stood still nobody knows
+    everything = follow(*NIGHTS, four(66.1))[0]  # an agent that now speaks another unit
+    assert sorted(doubts(everything)) == ["air", "bar", "bed", "table"]
+
+
+def test_what_shops_and_spindles_do_is_no_doubt() -> None:
+    warm = [four(t) for t in (18.0, 26.0, 14.0, 30.0, 12.0, 32.0)]  # a hall without heating
+    assert not any(doubts(r) for r in follow(*NIGHTS, *warm))
+    first = read(spindle=36.0, bed=21.0)
+    hot = [read(spindle=s, bed=20.0 + s / 100) for s in (36.0, 21.0, 22.0, 39.0, 20.5, 21.0, 41.0, 21.0, 40.0)]
+    assert not any(doubts(r) for r in follow(first, *hot))
+    rng = np.random.default_rng(5)
+    records: list[dict[str, Any]] = []
+    for day in range(150):
+        t = 20.0 + 8 * np.sin(day / 58) + rng.normal(0, 2)
+        readings = read(bed=t, air=t + rng.normal(1, 3), spindle=t + float(rng.choice([1.0, 9.0])) + rng.normal(0, 1))
+        records = [{"night": "2026-10-01", "sensors": states(readings, records)}, *records[:39]]
+        assert doubts(records[0]) == []
+
+
+def test_an_alarm_names_the_sensor_whose_degrees_it_states() -> None:
+    alarm = {"cause": "temperature", "text": say("changed.temperature", size="16.0 µm")}
+    records = follow(*NIGHTS)
+    for r in records:
+        r["temperatures"] = {"bed": r["sensors"]["bed"]}
+        r["volume"] = {"celsius": r["sensors"]["bed"]["mean"]}
+    hot = states(four(26.0), records)
+    found = how_warm(alarm, hot, 26.0, records, "bed")
+    assert "K warmer (bed 26.0 °C) than" in found["text"] and found["warmer"]["sensors"] == ["bed"]
+    every = by_how_much(hot, 26.0, 20.0, "2026-10-06")
+    assert str(every[1]["sensor"]) == "mean of bed, table, air, bar" and len(every[0]) == 4
+    silent = states(four(float("nan"), 26.0), records)
+    assert str(by_how_much(silent, 26.0, 20.0, "2026-10-06", "bed")[1]["sensor"]) == "bed, by what air, bar, table has changed,"
