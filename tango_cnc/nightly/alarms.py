@@ -13,7 +13,7 @@ import numpy as np
 from ..records import Array, Cell
 from ..report.texts import texts
 from ..state import Frame, Hypothesis, Named, State, Tonight, hypotheses
-from ..state.effect import Effect, alike, like_the_stylus, on_parts
+from ..state.effect import Effect, alike, like_the_stylus, moved_on_parts, on_parts
 from ..state.filter import sigma_of
 from ..texts import joined, say
 from ..texts.number import number
@@ -151,6 +151,8 @@ def effect_of(
     if cause == "axis_location" and (found := on_parts(k.cell, parameter, size)) is not None:
         return found.worst, _turned(found, match[1] if match else "", unit, since), t("cause.axis_location.do")
     effect = abs(size) * 1e3 if unit == "mm" else k.worst(moved)
+    if cause == "temperature":  # more than the tip after the best set-up: a part is set up once
+        effect = max(effect, moved_on_parts(k.cell, {k.labels[i]: float(moved[i]) for i in k.followed.machine}))
     return (effect, *cause_texts(cause, effect, since))
 
 

@@ -58,7 +58,7 @@ from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
 from .trend import drift, looking_ahead, slopes
-from .warmth import unknown, with_warmth
+from .warmth import as_warm_as, unknown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -157,7 +157,7 @@ class Nights(BeforeNight):
         """history, day, readings → what they did to what was known."""
         assert measured.readings is not None
         before, recent = self.state(past), self._recent(past)
-        sensors, first = states(measured.readings, recent, date_of(day)), before is None
+        sensors, first = states(measured.readings, recent, date_of(day), measured.strange), before is None
         readings = counted(measured.readings, sensors)
         warmth = parts.warmth(readings, self.settings.sensor)
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
@@ -283,6 +283,12 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
+        now = (
+            parts.mean(u.warmth)
+            if trusted and not told_of_sensors(u.sensors, self.settings.sensor, date_of(day)).get("doubt")
+            else None
+        )
+        waiting, silent = as_warm_as(waiting, now), as_warm_as(silent, now)
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
 

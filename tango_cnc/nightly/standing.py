@@ -21,7 +21,7 @@ from .ports import Past
 from .words import value
 
 LAST_NIGHT = "last night"
-BESIDE = ("alike", "compensation", "ignored", "again", "follows", "undoes", "repair")  # what some alarms have
+BESIDE = ("alike", "compensation", "ignored", "again", "follows", "undoes", "repair", "warmer")  # what some alarms have
 TONIGHT = "tonight"  # after every moment on record
 
 
@@ -145,7 +145,7 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
             text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])), _first_night(a, stored.record))
             told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
-            told |= {"repair": a["repair"]} if a.get("repair") else {}
+            told |= {key: a[key] for key in ("repair", "warmer") if a.get(key)}
             found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
 

@@ -23,6 +23,7 @@ MOST = {"mm": 5e-3, "rad": 5e-6, "mm/mm": 2e-5}  # per K: what moves by more is 
 LOOKED, ENOUGH = 14, 5  # nights
 STIRRED = 0.5  # K, standard deviation of the temperature of those nights
 FOLLOWS = 0.9  # share of its variance that the temperature explains, from which an error is said to go with it
+BACK = 0.5  # of the kelvin of an alarm, below which the machine is as warm as before it
 SHARE = 0.3  # of what the temperature would make: what an alarm may be beside it and still go with the temperature alone
 UNKNOWN = 1e-8  # standard deviation of a coefficient per K that no night has opened
 
@@ -40,7 +41,8 @@ def with_warmth(
     what to do say so.
     """
     most, own = MOST.get(str(alarm["unit"])), own_of(parameters, str(alarm["parameter"]))
-    then = next(((c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None), None)
+    known = [(c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None]
+    then = next((x for x in known if x[1] == alarm.get("since")), known[0] if known else None)  # the night of its size
     if most is None or own is None or now is None or then is None or alarm.get("repair") or abs(now - then[0]) < WARMER:
         return alarm
     last, night = then
@@ -57,11 +59,29 @@ def with_warmth(
     instead = [TEMPERATURE, *(n for n in alarm["instead"] if n != TEMPERATURE)]
     alarm = alarm | {"warmer": warmer, "instead": instead, "do": say(key, do=alarm["do"], follows=follows, **told)}
     before = _rate(_points(name, recent))
-    since = next((c for r in recent if r["night"] == alarm.get("since") and (c := celsius_of(r)) is not None), last)
-    if before is None or not _explained(float(alarm["size"]), float(alarm["std"]), before[0] * (now - since)):
+    if before is None or not _explained(float(alarm["size"]), float(alarm["std"]), before[0] * (now - last)):
         return alarm
-    named = {"rate": value(before[0], f"{alarm['unit']}/K"), "count": before[1], "kelvin": f"{now - since:+.1f}"}
+    named = {"rate": value(before[0], f"{alarm['unit']}/K"), "count": before[1], "kelvin": f"{now - last:+.1f}"}
     return alarm | {"text": say("night.sensors.goes_with", text=alarm["text"], **named)}
+
+
+def as_warm_as(alarms: Sequence[dict[str, Any]], now: float | None) -> list[dict[str, Any]]:
+    """alarms of other nights, °C that count (None: not known tonight) → the same; one of a change with temperature with how warm
+    the machine is by now: nearer to the night before the alarm than to the alarm, it has gone again, and with `total` what is left.
+    """
+    return [_as_warm_as(a, now) if now is not None and a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
+
+
+def _as_warm_as(alarm: dict[str, Any], now: float) -> dict[str, Any]:
+    """alarm of a change with temperature, °C that count → the same as it is by now."""
+    then, kelvin = float(alarm["warmer"]["then"]), float(alarm["warmer"]["kelvin"])
+    share = (now - then) / kelvin if kelvin else 1.0
+    told = {"kelvin": f"{now - then:+.1f}", "now": f"{now:.1f}", "then": f"{then:.1f}"}
+    if share >= BACK:
+        return alarm | {"now": say("night.sensors.warm_still", **told), "confirmed": None}
+    left = {"now": say("night.sensors.warm_gone", **told), "total": float(alarm["size"]) * share}
+    left |= {"confirmed": None, "ended": True}
+    return alarm | left | ({"do": say("night.sensors.warm_gone_do")} if "do" in alarm else {})
 
 
 def _explained(size: float, std: float, due: float) -> bool:

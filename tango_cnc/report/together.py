@@ -227,9 +227,10 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     """oldest alarm of a parameter that has gone back, its size, what is left → sentence, effect, advice."""
     factor, unit = shown(str(first.get("unit") or "mm"))
     sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
-    key = "scatter_gone" if change(first["cause_key"]).scatters else "gone_back"
-    told = {"text": f"{first['text']} {t(f'morning.{key}', **sizes)}", "todo": shop(t("night.gone_do"), t)}
-    told |= {"office": office(t("night.gone_do"), t)}
+    warm = first["cause_key"] == "temperature"
+    key = "scatter_gone" if change(first["cause_key"]).scatters else "warm_gone" if warm else "gone_back"
+    do = t("night.sensors.warm_gone_do" if warm else "night.gone_do")
+    told = {"text": f"{first['text']} {t(f'morning.{key}', **sizes)}", "todo": shop(do, t), "office": office(do, t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
     key = "gone_part_probe" if change(first["cause_key"]).scatters else key
     part = t(f"morning.{key}", date=day(first.get("since") or first["first"], t), until=until) if first["on_part"] else ""
@@ -260,8 +261,11 @@ def _gone_before(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> i
 
 
 def _sound_again(a: Mapping[str, Any]) -> bool:
-    """alarm → whether it is of touches that no longer scatter: no alarm of its own tells the way back."""
-    return change(a.get("cause_key")).scatters and is_gone(a.get("now") or "")
+    """alarm → whether it is of touches that no longer scatter, or of a machine as warm as before: no alarm of its own tells the way
+    back.
+    """
+    by_itself = change(a.get("cause_key")).scatters or a.get("cause_key") == "temperature"
+    return by_itself and is_gone(a.get("now") or "")
 
 
 def _moment(a: Mapping[str, Any]) -> str:

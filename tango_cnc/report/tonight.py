@@ -18,7 +18,11 @@ ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more tha
 NOW = (*ONLY, "night.alarms.confirmed")
 WAS = "night.alarms.was"
 UNSEEN = ("night.alarms.unseen", "night.alarms.unseen_then")  # which say that nothing can be seen of it any more
-GONE = ("night.alarms.gone_again_left", "night.alarms.scatter_gone")  # which say that it is back where it was
+GONE = (
+    "night.alarms.gone_again_left",
+    "night.alarms.scatter_gone",
+    "night.sensors.warm_gone",
+)  # which say that it is back where it was
 UNSURE = 2.0  # standard deviations: a smaller size may be nothing
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case

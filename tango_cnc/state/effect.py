@@ -16,6 +16,7 @@ import numpy as np
 from .. import kinematics
 from ..identify import columns, rich_plan
 from ..iso230.poses import at_poses
+from ..kinematics import Slot
 from ..model import STYLUS, Model, setup_coefficient
 from ..records import Array, Cell, InputError, Machine
 from ..terms import Coefficient, find, inter_axis
@@ -46,7 +47,7 @@ def on_parts(cell: Cell, parameter: str, size: float) -> Effect | None:
         return None
     places = [_places(machine, name) for name in machine.rotary]
     turns = np.array(list(product(*places)))  # (m, r)
-    gap = np.linalg.norm(_seen_from_the_part(cell, error, size, turns, _part(cell)), axis=2).max(axis=1) * 1e3
+    gap = np.linalg.norm(_seen_from_the_part(cell, {error: size}, turns, _part(cell)), axis=2).max(axis=1) * 1e3
     least = ENOUGH * gap.max()
     fewest = min(np.flatnonzero(gap >= least), key=lambda i: (np.count_nonzero(turns[i]), _others(machine, error, turns[i])))
     own = np.count_nonzero(turns, axis=1) <= np.count_nonzero(turns[fewest])
@@ -54,6 +55,19 @@ def on_parts(cell: Cell, parameter: str, size: float) -> Effect | None:
     best = max(np.flatnonzero(same), key=lambda i: (round(float(gap[i]), 6), -float(np.abs(turns[i]).sum()), float(turns[i].sum())))
     turned = {name: float(np.degrees(a)) for name, a in zip(machine.rotary, turns[best], strict=True) if a}
     return Effect(float(gap.max()), turned if gap.max() > NOTHING else {})
+
+
+def moved_on_parts(cell: Cell, sizes: Mapping[str, float]) -> float:
+    """cell, {name of an error: its size in mm or rad} → µm of all of them together where they are worst on such a part; 0 on a
+    machine without rotary axes. What is no error of the machine is left out.
+    """
+    machine = cell.machine
+    errors = {error: size for name, size in sizes.items() if size and (error := _error(machine, name)) is not None}
+    if not machine.rotary or not errors:
+        return 0.0
+    turns = np.array(list(product(*(_places(machine, name) for name in machine.rotary))))
+    off = _seen_from_the_part(cell, errors, turns, _part(cell))
+    return float(np.linalg.norm(off, axis=2).max()) * 1e3
 
 
 def _others(machine: Machine, error: Coefficient, turn: Array) -> int:
@@ -82,8 +96,8 @@ def _part(cell: Cell) -> Array:
     return points[farthest[:POINTS]]
 
 
-def _seen_from_the_part(cell: Cell, error: Coefficient, size: float, turns: Array, part: Array) -> Array:
-    """cell, error, its size, (m, r) rad, (p, 3) mm → (m, p, 3) mm: where the tip goes beside the point, less the same at 0."""
+def _seen_from_the_part(cell: Cell, errors: Mapping[Coefficient, float], turns: Array, part: Array) -> Array:
+    """cell, {error: its size}, (m, r) rad, (p, 3) mm → (m, p, 3) mm: where the tip goes beside the point, less the same at 0."""
     machine = cell.machine
     position = np.zeros((len(turns) + 1, len(part), len(machine.names)))
     position[1:, :, [machine.column(name) for name in machine.rotary]] = turns[:, None, :]
@@ -91,7 +105,10 @@ def _seen_from_the_part(cell: Cell, error: Coefficient, size: float, turns: Arra
     chain = kinematics.chain(machine)
     flat = kinematics.inverse(chain, flat, np.tile(part, (len(position), 1)))
     poses = at_poses(machine, flat, np.zeros_like(flat))
-    acting = {error.slot: size * error.regressor(poses)}
+    acting: dict[Slot, Array] = {}
+    for error, size in errors.items():
+        own = np.asarray(size * error.regressor(poses))
+        acting[error.slot] = acting[error.slot] + own if error.slot in acting else own
     off = (kinematics.tip(chain, flat, acting) - kinematics.tip(chain, flat)).reshape(len(position), len(part), 3)
     return np.asarray(off[1:] - off[0])
 

@@ -1,0 +1,79 @@
+"""A machine that was warm and is as warm as before: its alarm has gone again, and says how warm the machine is by now."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights_parts import Event, Story, nights
+from support.spoilt import simulated
+
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.nightly import Nightly
+from tango_cnc.history import opened
+from tango_cnc.nightly.mail import message
+from tango_cnc.nightly.warmth import as_warm_as, with_warmth
+from tango_cnc.report.faults import faults
+from tango_cnc.report.texts import texts
+from tango_cnc.report.tonight import is_gone
+from tango_cnc.report.units import Units
+from tango_cnc.state.effect import moved_on_parts, on_parts
+
+
+@pytest.fixture(scope="module")
+def mornings(root: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """Warm on night 3, as before on night 4 and 5."""
+    cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
+    story = Story((Event(3, warmer=7.0), Event(4, warmer=-6.6), Event(5, warmer=0.3)), simulated.THIRTY.warm, 0.1)
+    with opened(tmp_path_factory.mktemp("warm") / "history.db") as history:
+        return [r for r, _ in nights(cell, truth, history, 5, 2, story, Nightly(diagnose=False, check_minutes=2))]
+
+
+@pytest.mark.few(0)
+def test_the_alarm_of_a_warm_night_has_gone_when_the_machine_is_as_warm_as_before(mornings: list[dict[str, Any]]) -> None:
+    warm, cold = mornings[2], mornings[4]
+    assert [a["cause"] for a in warm["alarms"]] == ["temperature"], warm["headline"]
+    (alarm,) = [a for a in cold["standing"] if a["cause"] == "temperature"]
+    assert is_gone(alarm["now"]) and "the machine is at 2" in alarm["now"] and "Nothing while" in alarm["do"]
+    assert abs(alarm["total"]) < 0.3 * alarm["size"]
+    text = " ".join(message(cold, (), ())[1].split())
+    assert "gone again: the machine is at" in text and "STILL CHANGED" not in message(cold, (), ())[0]
+    told = faults(cold, cold["standing"], {}, Units(), texts())
+    assert told[0]["gone"] and "about as warm as before" in told[0]["text"] and "Ask who" not in told[0]["todo"]
+
+
+@pytest.mark.few(0)
+def test_what_warm_does_to_parts_is_that_of_the_alarms_of_an_axis(root: Path, mornings: list[dict[str, Any]]) -> None:
+    """The tip after the best set-up is off by less than a part, which is set up once."""
+    cell = read_cell(root / "examples" / "trunnion")
+    alone = on_parts(cell, "EY0C", 0.0142)
+    assert alone is not None and moved_on_parts(cell, {"EY0C": 0.0142, "facet 1": 1.0}) == pytest.approx(alone.worst)
+    assert moved_on_parts(cell, {"EY0C": 0.0142, "EX0S": 0.0057}) == pytest.approx(30.6, abs=0.05)
+    warm = mornings[2]["alarms"][0]
+    assert warm["on_part_um"] > 1.2 * warm["size"] * 1e3
+
+
+def test_one_that_is_still_warm_says_how_warm() -> None:
+    alarm = {"cause": "temperature", "size": 0.02, "do": "Wait.", "warmer": {"then": 19.0, "kelvin": 7.0, "celsius": 26.0}}
+    hot = as_warm_as([alarm], 25.0)[0]
+    assert (
+        "the machine is at 25.0 °C, +6.0 K from 19.0 °C before" in hot["now"] and hot["do"] == "Wait." and not is_gone(hot["now"])
+    )
+    assert as_warm_as([alarm], None) == [alarm] and as_warm_as([alarm | {"cause": "scale"}], 19.0)[0]["cause"] == "scale"
+    assert is_gone(as_warm_as([alarm], 18.0)[0]["now"])
+
+
+def test_an_alarm_names_the_night_that_its_size_is_counted_from() -> None:
+    """+4.0 µm since the 12th and 1.1 K since the 13th were 3.6 µm/K; the machine does 2."""
+
+    def night(number: int, celsius: float) -> dict[str, Any]:
+        return {"night": f"2026-11-{number}", "temperatures": {"bed": {"mean": celsius, "first": celsius, "last": celsius}}}
+
+    alarm = {"cause": "axis_location", "parameter": "EY0C", "size": 0.004, "std": 3e-4, "unit": "mm", "do": "Ask.", "instead": []}
+    alarm |= {"text": "C axis has moved", "since": "2026-11-12", "rate_per_day": 0.002}
+    known, heard = {"EY0C": {"value": 0.1, "unit": "mm", "std": 1e-4}}, {"bed": {"state": "heard"}}
+    told = with_warmth(alarm, known, heard, 21.47, [night(13, 20.37), night(12, 19.37)])
+    assert told["warmer"]["night"] == "2026-11-12" and "2.1 K warmer (bed 21.5 °C) than on 2026-11-12" in told["do"]
