@@ -91,6 +91,8 @@ def test_what_an_option_acts_beside_is_there() -> None:
         (("verify", "--volume", "--subsets"), "--subsets: found without held-out touches and --cmm"),
         (("design", "--stylus-within", "0.01"), "--stylus-within: found without a check"),
         (("capability", "drift", "--block", "5"), "--block: found capability drift; allowed: capability wetness"),
+        (("nightly", "--install", "cron", "--port", "socket://127.0.0.1:1"), "--port: found with --install, and the timer would"),
+        (("nightly", "--install", "cron", "--simulated"), "--simulated: found with --install"),
     ],
     ids=lambda given: given[0],
 )

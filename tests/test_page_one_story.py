@@ -72,3 +72,15 @@ def test_who_has_an_alarm_reads_on_alarms_how_to_close_it(tmp_path: Path) -> Non
         history.decide(M, Decision(alarm["id"], "ignore", "Ann Meier", until=until))
     text = seen(place, "/alarms")
     assert "--action repaired --owner &#39;Ann Meier&#39;" in text and "--action acknowledge" not in text
+
+
+def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Path) -> None:
+    """ "No alarm is open." stood there, and nothing of a machine that was No: repaired by word alone."""
+    alarm = knock(night(M, 8)["night"])
+    limit = {"what": "volume", "unit": "µm", "value": 107.0, "low": 106.0, "high": 108.0, "limit": 90.0, "passed": False}
+    place = cell(tmp_path / "one", records=[night(M, 7), night(M, 8, "out_of_limits", alarms=[alarm], limits=[limit])])
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(alarm["id"], "repaired", "Zoë"))
+    text = plain_of(seen(place, "/alarms"))
+    assert "No alarm is open." in text and "Make no parts on it." in text and "107 µm, 90 µm allowed" in text
+    assert "Run the full measurement: it shows whether the repair has helped." in text

@@ -19,7 +19,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.commands._design import _no_shorter, change_text
 from tango_cnc.commands.check import check
 from tango_cnc.commands.estimate import _predicting
-from tango_cnc.design import choose, goals, how_long, propose, shortest
+from tango_cnc.design import choose, goals, how_long, nested, propose, shortest
 from tango_cnc.design.changed import Change
 from tango_cnc.design.criterion import Criterion
 from tango_cnc.design.enough import SPARE, to_spare
@@ -174,6 +174,7 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(
     name: str, goal: str, minutes: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(shortest, "ENOUGH", 2)  # searches: more of them make a plan that is shorter by some percent
+    monkeypatch.setattr(nested, "FRACTIONS", (0.75,))  # what parts of the run are worth is not asked here
     found = propose.propose(designed(name, goal, minutes))
     assert to_spare(found) >= SPARE and (minutes is not None or found.seconds < 120)
     assert minutes is not None or shortest.touches_hold(found)

@@ -37,5 +37,12 @@ def beside(*names: str) -> Callable[..., Decorator]:
     return partial(click.option, cls=Beside, beside=names)
 
 
+def stated(name: str) -> bool:
+    """longest name of an option of the command that runs, without its dashes → whether the command line has it."""
+    context = click.get_current_context()
+    of = next(option for option in context.command.params if f"--{name}" in option.opts)
+    return context.get_parameter_source(str(of.name)) is ParameterSource.COMMANDLINE
+
+
 def _stated(option: click.Parameter, context: click.Context, stated: Mapping[str, Any]) -> bool:
     return option.consume_value(context, stated)[1] is ParameterSource.COMMANDLINE

@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 from .. import capability
 from ..capability import CapabilitySettings, Kind
@@ -19,7 +18,7 @@ from ..files.origin import current
 from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
-from ._beside import beside
+from ._beside import beside, stated
 from ._common import Output, cell_option, json_option, table, write_json
 from ._handed import pasted
 
@@ -72,7 +71,7 @@ def command(
     readings: with -C that cell.
     """
     for option, kinds in OF.items():
-        if kind not in kinds and click.get_current_context().get_parameter_source(option) is ParameterSource.COMMANDLINE:
+        if kind not in kinds and stated(option):
             raise InputError(f"--{option}: found capability {kind}; allowed: capability {' or '.join(kinds)}")
     cell = read_cell(folder)
     if target is not None:

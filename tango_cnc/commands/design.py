@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
@@ -24,6 +23,7 @@ from ..judging import judged, traced
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
+from ._beside import stated
 from ._common import Output, cell_option, dialect, json_option, write_json
 from ._handed import printed, typed
 from ._progress import Progress
@@ -154,7 +154,7 @@ def command(
     if judge is not None and readings is None:
         raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
     check = judge is not None or goal == "check"
-    if not check and click.get_current_context().get_parameter_source("stylus") is ParameterSource.COMMANDLINE:
+    if not check and stated("stylus-within"):
         raise InputError("--stylus-within: found without a check; allowed: with --goal check or --judge")
     before = None if readings is None else earlier_run(cell, readings, despite, check)
     asked = _wish(

@@ -18,10 +18,12 @@ from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, LinkError, TangoError
 from ..report.texts import Texts
 from ..texts import say
+from ._beside import stated
 from ._common import address_of, cell_option, controller_of, dialect, json_option, write_json
 from ._shop import looked_at, of_shop
 
 PLACE = "Keep 10"
+NOT_OF_TIMER = ("port", "history", "simulated", "json")  # options of a night that is typed
 AT = "02:00"  # when a timer begins a night, where nothing else is asked for
 
 
@@ -238,6 +240,11 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     """cell, --install, --at → exit status; the timer is in nights/timer, and what to do with it is said."""
     from ..nightly.install import ENCODING, advice, skipped, units
 
+    if lost := [f"--{name}" for name in NOT_OF_TIMER if stated(name)]:
+        raise InputError(
+            f"{lost[0]}: found with --install, and the timer would not have it; allowed: without it. A night that a timer begins "
+            "has the port of tango.yaml and the history of nightly.yaml, and measures a real machine"
+        )
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
     target = cell.folder / "nights" / "timer"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -325,7 +326,7 @@ def _chosen(aims: Sequence[_Aim], where: Count, costs: Costs, seconds: float, go
     visited: set[int] = set()
     while True:
         enough = draft.worst <= goal and draft.count.sum() >= FEWEST and len(visited) >= min(INDEXATIONS, len(costs.turns))
-        best: tuple[float, _Draft, float] | None = None
+        best: tuple[float, list[int], float] | None = None
         at = -1
         for place in () if enough else range(len(costs.turns)):
             turn = 0.0 if place in visited else float(costs.turns[place])
@@ -334,7 +335,9 @@ def _chosen(aims: Sequence[_Aim], where: Count, costs: Costs, seconds: float, go
                 best, at = found, place
         if best is None:
             return draft.count
-        _, draft, price = best
+        _, touches, price = best
+        for touch in touches:
+            draft = draft.more(touch)
         visited.add(at)
         seconds -= price
 
@@ -354,47 +357,68 @@ class _Draft:
         """→ largest standard deviation of a share that matters."""
         return float(_stds(self.aims, self.covariance).max())
 
-    def pick(self, free: Count, value: Array) -> int:
-        """touches that are free, gain a second of each → which of them: of those nearly as good as the best the one that meets most
-        rows of tables that none of the draft meets."""
+    @cached_property
+    def seen(self) -> tuple[tuple[Array, Array, Array], ...]:
+        """→ of each aim what every place asks for: (n, q) covariances of the touches with all, (n, k) with what is to be known,
+        (k,) variances of that."""
+        by = [aim.rows @ c for aim, c in zip(self.aims, self.covariance, strict=True)]
+        told = (np.sum((aim.wanted @ c) * aim.wanted, axis=1) for aim, c in zip(self.aims, self.covariance, strict=True))
+        return tuple((b, b @ aim.wanted.T, v) for aim, b, v in zip(self.aims, by, told, strict=True))
+
+    def more(self, touch: int) -> _Draft:
+        """number of a touch → the draft with it."""
+        count, after = self.count.copy(), []
+        count[touch] += 1
+        for aim, covariance in zip(self.aims, self.covariance, strict=True):
+            by = covariance @ aim.rows[touch]
+            after.append(covariance - by[:, None] * (by / (1.0 + float(by @ aim.rows[touch]))))
+        return replace(self, covariance=tuple(after), count=count)
+
+    def pick(self, count: Count, free: Count, value: Array) -> int:
+        """how often each is made, touches that are free, gain a second of each → which of them: of those nearly as good as the best
+        the one that meets most rows of tables that none of those made meets."""
         best = float(value.max())
-        unmet = ~self.meets[self.count > 0].any(axis=0)
+        unmet = ~self.meets[count > 0].any(axis=0)
         rows = np.where(value >= NEARLY * best, self.meets[free][:, unmet].sum(axis=1), -1)
         return int(np.lexsort((value, rows))[-1])
 
-    def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, _Draft, float] | None:
-        """touches of one place, costs, s of coming there, s that are left → gain a second, draft with them, s; None: no time."""
-        draft, price, total, best = self, turn, 0.0, None
+    def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, list[int], float] | None:
+        """touches of one place, costs, s of coming there, s that are left → gain a second, touches to make, s; None: no time.
+
+        A touch changes what the others of its place tell. So it is enough to follow the covariances of these with each other and
+        with what is to be known.
+        """
+        ways = [[b[own] @ aim.rows[own].T, a[own], v] for aim, (b, a, v) in zip(self.aims, self.seen, strict=True)]
+        count, price, total, best = self.count.copy(), turn, 0.0, None
+        taken: list[int] = []
         for _ in range(AT_ONCE if turn else 1):
-            free = own[draft.count[own] < ROW]
-            each = np.where(draft.count[free] > 0, costs.again, costs.touch)
-            free, each = free[each <= seconds - price], each[each <= seconds - price]
+            each = np.where(count[own] > 0, costs.again, costs.touch)
+            free = np.flatnonzero((count[own] < ROW) & (each <= seconds - price))
             if not len(free):
                 break
-            gain, seen = np.zeros(len(free)), []
-            for aim, covariance in zip(draft.aims, draft.covariance, strict=True):
+            gain = np.zeros(len(free))
+            for mutual, along, variance in ways:
                 # A variance below the goal counts less than one above it: more of it helps nobody.
-                variance = np.einsum("kq,qr,kr->k", aim.wanted, covariance, aim.wanted)
                 weight = np.maximum(variance, 0.05 * max(self.goal, 0.05) ** 2)
-                by = aim.rows[free] @ covariance
-                lever = 1.0 + np.einsum("nq,nq->n", by, aim.rows[free])
-                gain += ((by @ aim.wanted.T) ** 2 / lever[:, None]) @ weight
-                seen.append((by, lever))
-            at = draft.pick(free, gain / each)
-            total, price = total + float(gain[at]), price + float(each[at])
-            count = draft.count.copy()
-            count[free[at]] += 1
-            after = tuple(c - np.outer(by[at], by[at]) / lever[at] for c, (by, lever) in zip(draft.covariance, seen, strict=True))
-            draft = replace(draft, covariance=after, count=count)
+                gain += (along[free] ** 2 / (1.0 + np.diag(mutual)[free])[:, None]) @ weight
+            at = self.pick(count, own[free], gain / each[free])
+            total, price = total + float(gain[at]), price + float(each[free[at]])
+            i = int(free[at])
+            count[own[i]] += 1
+            taken.append(int(own[i]))
+            for way in ways:
+                mutual, along, variance = way
+                b, a, lever = mutual[i], along[i], 1.0 + mutual[i, i]
+                way[:] = mutual - np.outer(b, b) / lever, along - np.outer(b, a) / lever, variance - a**2 / lever
             if best is None or total / price > best[0]:
-                best = total / price, draft, price
+                best = total / price, list(taken), price
         return best
 
 
 def _after(aim: _Aim, rows: Array) -> Array:
     """what is to be known, rows of touches → (k,) standard deviations after them."""
     covariance = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
-    return np.asarray(np.sqrt(np.einsum("kq,qr,kr->k", aim.wanted, covariance, aim.wanted)))
+    return np.asarray(np.sqrt(np.sum((aim.wanted @ covariance) * aim.wanted, axis=1)))
 
 
 def _std(aims: Sequence[_Aim], chosen: Count) -> Array:
