@@ -2,7 +2,7 @@
 
 from ._database import shown
 from .compensated import add_compensations, compensations
-from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend
+from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend, UnreadableError
 from .store import FORMAT, History, opened
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Standing",
     "Stored",
     "Trend",
+    "UnreadableError",
     "add_compensations",
     "compensations",
     "opened",

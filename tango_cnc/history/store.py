@@ -32,7 +32,7 @@ from ._answers import answers
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
 from .answers import of_machine
-from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, stamp_of
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, UnreadableError, date_of, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
@@ -401,7 +401,9 @@ class History:
         try:
             found = answers(self.engine, wanted, given)
         except (DBAPIError, UnicodeDecodeError) as error:
-            raise LinkError(f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}") from None
+            raise UnreadableError(
+                f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}", self.engine
+            ) from None
         _whole.rows(wanted, found)
         return found
 
