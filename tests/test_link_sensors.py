@@ -373,10 +373,56 @@ def test_a_number_that_no_sensor_writes_is_no_temperature(text):
     ("items", "said"),
     [
         ('<T dataItemId="t1" name="bed">22.0</T><T dataItemId="t1" name="oil">23.0</T>', {"t1": "", "bed": "22.0", "oil": "23.0"}),
-        ('<T dataItemId="t1" name="bed" units="KELVIN">295.4</T><T dataItemId="t2">5</T>', {"t1": "", "bed": "", "t2": "5"}),
+        (
+            '<T dataItemId="t1" name="bed" units="KELVIN">295.4</T><T dataItemId="t2">5</T>',
+            {"t1": "295.4 KELVIN", "bed": "295.4 KELVIN", "t2": "5"},
+        ),
         ('<T dataItemId="t1" units="CELSIUS">22.0</T>', {"t1": "22.0"}),
     ],
 )
 def test_a_name_of_two_items_and_another_unit_have_no_value(items, said):
     """The last of the two was taken, and kelvins were degrees."""
     assert current(f"<S>{items}</S>".encode()) == said
+
+
+@pytest.mark.parametrize(
+    ("attributes", "value", "strange"),
+    [
+        ("", "-300", {"bed": "-300"}),
+        ("", "1e9", {"bed": "1e9"}),
+        (' units="FAHRENHEIT"', "69.58", {"bed": "69.58 FAHRENHEIT"}),
+        ("", "UNAVAILABLE", {}),
+        (' units="FAHRENHEIT"', "UNAVAILABLE", {}),
+        ("", "21.5", {}),
+    ],
+)
+def test_what_a_sensor_says_that_is_no_temperature_is_kept_as_it_said_it(attributes, value, strange):
+    """It was said to be silent, and somebody looked for a dead cable."""
+    watch = Watch(Sensors((Sensor("bed", "mtconnect", "http://127.0.0.1:1/current", "t1"),)))
+    watch._came("bed", current(f'<S><T dataItemId="t1"{attributes}>{value}</T></S>'.encode())["t1"])
+    assert watch.strange() == strange and (watch.values()["bed"] == 21.5) == (value == "21.5")
+    watch._came("bed", "20.0")
+    assert watch.strange() == {}
+
+
+def test_a_run_notes_what_a_sensor_said_that_is_no_temperature(cell, agent):
+    agent.says = STREAM.format(bed=-300).encode()
+    (cell / "sensors.yaml").write_text(
+        f"every: 0.5\nsensors:\n  bed: {{mtconnect: '{agent.url}', item: bed}}\n  oil: {{mtconnect: '{agent.url}', item: t2}}\n"
+    )
+    came, asked = threading.Event(), agent.RequestHandlerClass.do_GET
+
+    def answer(self):
+        asked(self)
+        came.set()
+
+    agent.RequestHandlerClass.do_GET = answer
+
+    def edit(number, line):
+        assert came.wait(60)
+        return line
+
+    control = Control(cell, edit=edit)
+    result = Result("run", "-C", cell, "--port", control.url, "--timeout", "20")
+    assert result.code == 0, result.err
+    assert json.loads((cell / "readings.json").read_text())["no_temperature"] == {"bed": "-300"}

@@ -127,3 +127,14 @@ def test_an_alarm_names_the_sensor_whose_degrees_it_states() -> None:
     assert str(every[1]["sensor"]) == "mean of bed, table, air, bar" and len(every[0]) == 4
     silent = states(four(float("nan"), 26.0), records)
     assert str(by_how_much(silent, 26.0, 20.0, "2026-10-06", "bed")[1]["sensor"]) == "bed, by what air, bar, table has changed,"
+
+
+@pytest.mark.parametrize("said", ["-300", "1e9", "69.58 FAHRENHEIT"])
+def test_a_sensor_that_says_what_is_no_temperature_is_not_called_silent(said: str) -> None:
+    records = follow(*NIGHTS)
+    sensors = states(four(float("nan"), 20.0), records, "2026-10-07", {"bed": said, "air": "7"})
+    found = told(sensors, "bed", "2026-10-07")
+    assert f"temperature sensor bed speaks, and says {said}," in found["text"] and "said nothing" not in found["text"]
+    assert "night ending 2026-10-06" in found["text"] and found["doubted"] == ["bed"] and sensors["air"]["state"] == "heard"
+    silent = told(states(four(float("nan"), 20.0), records, "2026-10-07"), "bed", "2026-10-07")
+    assert "has said nothing since the night ending 2026-10-06" in silent["text"] and "doubted" not in silent

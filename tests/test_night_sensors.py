@@ -115,7 +115,7 @@ def test_a_frozen_sensor_is_found_on_the_second_morning_and_the_others_stand_for
     bed = records[0]["sensors"]["bed"]
     assert bed["since"] == "2026-10-06" and bed["counts"] == pytest.approx(21.5 + 2.9 - 1.7)
     text = told(records[0]["sensors"], "bed", records[0]["night"])["text"]
-    assert "bed has said 21.500 °C at every touch since the night of 2026-10-06" in text and "rests on room" in text
+    assert "bed has said 21.500 °C at every touch since the night ending 2026-10-06" in text and "rests on room" in text
     again = follow(LIVE[1], *LIVE, *stuck, stuck[0])[0]["sensors"]["bed"]
     assert (again["state"], again["since"]) == ("frozen", "2026-10-06")
 

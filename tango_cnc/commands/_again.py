@@ -110,9 +110,9 @@ def _measured(cell: Any, stored: Stored, chosen: bool) -> Measured:
     readings, record = read_readings_text(str(stored.readings), cell.machine, cell.artefact), stored.record
     numbers = tuple(int(n) for n in np.unique(readings.touch)) if chosen and stored.night.kind == "check" else ()
     why = record["why"] if stored.night.status == "partial" else ""
-    return Measured(
-        readings, stored.readings, int(record.get("planned") or len(readings)), record["machine_time_s"], why, asked=numbers
-    )
+    strange = {name: s["said"] for name, s in (record.get("sensors") or {}).items() if "said" in s}
+    planned = int(record.get("planned") or len(readings))
+    return Measured(readings, stored.readings, planned, record["machine_time_s"], why, asked=numbers, strange=strange)
 
 
 def again(cells: Sequence[Path], where: str | None, target: Path, spread: Mapper, most: int | None = None) -> list[Redone]:

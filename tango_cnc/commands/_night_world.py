@@ -289,7 +289,7 @@ class RealControl:
             *(("program", str(origin.get("program_hash", ""))), ("readings", hashlib.sha256(text.encode()).hexdigest())),
         )
         spent, many = time.monotonic() - began, len(made.touches)
-        return Measured(read, text, many, spent, why, hashes, tuple(touches), self.simulated, trouble)
+        return Measured(read, text, many, spent, why, hashes, tuple(touches), self.simulated, trouble, origin.get("no_temperature"))
 
     def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""

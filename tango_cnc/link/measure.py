@@ -14,7 +14,7 @@ import secrets
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -157,7 +157,7 @@ def measure(
                 advice = "" if isinstance(error, Moved) else f"; {then}"
                 raise type(error)(f"{error} {_keep(journal, plan, wanted.readings, cell.folder, advice)}".rstrip()) from None
             then = "the night takes them from there" if wanted.then else ""  # no run is resumed in its folder
-            return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder, then)
+            return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder, then, sensors.strange())
         finally:
             journal.close()
     finally:
@@ -399,10 +399,18 @@ def _keep(journal: Journal, plan: Plan, file: Path, folder: Path, advice: str) -
     return f"What was measured is in {_partial(file)}{advice}."
 
 
-def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folder: Path, then: str = "") -> dict[str, Any]:
+def _finish(
+    entries: Sequence[Entry],
+    digest: str,
+    plan: Plan,
+    file: Path,
+    folder: Path,
+    then: str = "",
+    strange: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     readings = readings_of(entries, plan)
     assert readings is not None  # nothing is missing, and a plan has touches
-    origin = provenance(entries, plan, digest)
+    origin = provenance(entries, plan, digest) | ({"no_temperature": dict(strange)} if strange else {})
     journal = file.with_suffix(".journal")
     how = next((entry.how for entry in entries if isinstance(entry, ProgramSent)), "--resume")
     with _written(f"every touch is in {journal}, but the readings", then or f"make room, then 'tango run {how}' writes them"):

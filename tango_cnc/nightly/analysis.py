@@ -157,7 +157,7 @@ class Nights(BeforeNight):
         """history, day, readings → what they did to what was known."""
         assert measured.readings is not None
         before, recent = self.state(past), self._recent(past)
-        sensors, first = states(measured.readings, recent, date_of(day)), before is None
+        sensors, first = states(measured.readings, recent, date_of(day), measured.strange), before is None
         readings = counted(measured.readings, sensors)
         warmth = parts.warmth(readings, self.settings.sensor)
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
@@ -52,6 +52,7 @@ class Measured:
     asked: tuple[int, ...] = ()  # numbers of the touches that were asked for; empty: the whole strategy
     simulated: bool = False  # by no machine
     trouble: str = ""  # what the disk has refused, though every touch was made
+    strange: Mapping[str, str] | None = None  # {sensor: what it said that is no temperature in °C}
 
 
 @dataclass(frozen=True)

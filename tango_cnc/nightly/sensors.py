@@ -30,9 +30,12 @@ MONTH = 30  # nights of one value before a sensor that says whole degrees is tho
 TOLD = 14  # days for which a column that is there no more is told; somebody may have taken the sensor away
 
 
-def states(readings: Readings, recent: Sequence[Mapping[str, Any]], night: str = "") -> dict[str, dict[str, Any]]:
-    """readings, records newest first, date of the night ('': soon after) → member `sensors` of the record: {sensor: state, since,
-    values that it gave, `counts`: °C that counts in its place}. Which sensor is believed is decided here alone.
+def states(
+    readings: Readings, recent: Sequence[Mapping[str, Any]], night: str = "", strange: Mapping[str, str] | None = None
+) -> dict[str, dict[str, Any]]:
+    """readings, records newest first, date of the night ('': soon after), {sensor: what it said that is no temperature} → member
+    `sensors` of the record: {sensor: state, since, values that it gave, `counts`: °C that counts in its place, `said`: what is no
+    temperature}. Which sensor is believed is decided here alone.
     """
     before = next((r for r in recent if r.get("sensors") or r.get("temperatures")), {})
     known = {**{n: {"state": HEARD, **t} for n, t in (before.get("temperatures") or {}).items()}, **(before.get("sensors") or {})}
@@ -48,6 +51,9 @@ def states(readings: Readings, recent: Sequence[Mapping[str, Any]], night: str =
         since = own.get("since") if own.get("state") == DOUBTED else str(before["night"]) if own and before else None
         said = {key: found[name][key] for key in ("mean", "first", "last")}
         found[name] = {"state": DOUBTED, "since": since, **doubt, **said}
+    for name, text in (strange or {}).items():
+        if found.get(name, {}).get("state") == SILENT:
+            found[name] |= {"said": text}
     alive = {name for name, s in found.items() if s["state"] in (HEARD, PARTLY)}
     for name, s in found.items():
         last = _counts(known.get(name))
@@ -169,7 +175,7 @@ def told(sensors: Mapping[str, Mapping[str, Any]], wanted: str | None, night: st
         text = say("night.sensors.rests_other", sensor=wanted)
     elif lost:
         rests, text = _rests(bad, lost, sensors)
-    disbelieved = [n for n, s in bad.items() if s["state"] == DOUBTED]
+    disbelieved = [n for n, s in bad.items() if s["state"] == DOUBTED or "said" in s]
     text = joined(" ", (text, say("night.sensors.doubted_do"))) if disbelieved else text
     whole = {"rests": rests, "sensors": list(bad), "doubt": bool(doubt), "text": joined("", (joined("; ", parts), ". ", text))}
     return whole | ({"doubted": disbelieved} if disbelieved else {})
@@ -205,6 +211,9 @@ def _one(name: str, s: Mapping[str, Any]) -> Said:
         return sentence(name, s)
     if s["state"] == FROZEN:
         return say("night.sensors.frozen", name=name, since=s["since"], value=f"{s['last']:.3f}")
+    if "said" in s:
+        key = "night.sensors.strange" if s.get("since") else "night.sensors.strange_ever"
+        return say(key, name=name, said=s["said"], since=s.get("since") or "")
     if s.get("since"):
         return say(f"night.sensors.{'gone' if s.get('gone') else 'silent'}", name=name, since=s["since"])
     return say("night.sensors.never", name=name)

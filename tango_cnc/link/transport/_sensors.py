@@ -21,7 +21,8 @@ LARGEST = 4 << 20  # bytes of an answer or a message
 ANSWER = 5.0  # s that an agent may take
 COLDEST, HOTTEST = -100.0, 500.0  # °C; anything else is no temperature of a machine
 NUMBER = re.compile(r"[+-]?([0-9]{1,9}(\.[0-9]{0,20})?|\.[0-9]{1,20})([eE][+-]?[0-9]{1,3})?")  # as sensors write one
-UNIT = "CELSIUS"  # of MTConnect
+UNIT, NOTHING = "CELSIUS", "UNAVAILABLE"  # of MTConnect
+SHOWN = 40  # characters of what is no temperature
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 
 
@@ -32,6 +33,7 @@ class Watch:
         """sensors of a cell → nothing is asked yet. Raises InputError where a library is missing."""
         self._sensors, self._stop = sensors, threading.Event()
         self._known: dict[str, tuple[float, float]] = {}  # name: °C, when it came
+        self._strange: dict[str, str] = {}  # name: what it said last that is no temperature in °C
         self._clients: list[Any] = []
         self._mqtt: Any = None
         if any(sensor.way == "mqtt" for sensor in sensors.sensors):
@@ -56,6 +58,11 @@ class Watch:
         fresh = {name: value for name, (value, came) in found.items() if now - came <= self._sensors.old}
         return {sensor.name: fresh.get(sensor.name) for sensor in self._sensors.sensors}
 
+    def strange(self) -> dict[str, str]:
+        """→ {name: what it said last} of sensors that have no value now though they speak: no temperature in °C."""
+        known, found = self.values(), dict(self._strange)
+        return {name: text for name, text in found.items() if known.get(name) is None}
+
     def close(self) -> None:
         """Ends all of it."""
         self._stop.set()
@@ -69,8 +76,11 @@ class Watch:
             value = float(text)
             if math.isfinite(value) and COLDEST <= value <= HOTTEST:
                 self._known[name] = value, time.monotonic()
+                self._strange.pop(name, None)
                 return
         self._known.pop(name, None)
+        if text and text.upper() != NOTHING:
+            self._strange[name] = "".join(c for c in text[:SHOWN] if c.isprintable())
 
     def _poll(self, url: str) -> None:
         while not self._stop.is_set():
@@ -108,20 +118,22 @@ class Watch:
 def current(data: bytes) -> Mapping[str, str]:
     """answer of an MTConnect agent to /current → {dataItemId and name of a data item: its value}.
 
-    One in another unit than °C has no value, and so has a name that two items have.
+    One in another unit than °C has that behind its value, which is no number then; a name that two items have has no value.
     Raises ValueError for one that is too large, is no XML or declares a document type, which is how entities come in.
     """
     if len(data) > LARGEST:
         raise ValueError(f"more than {LARGEST} bytes")
     found: dict[str, str] = {}
     void: set[str] = set()
+    units: dict[str, str] = {}  # of those in another one
     names: list[list[str]] = []  # of the elements that are open
 
     def begun(_tag: str, attributes: Mapping[str, str]) -> None:
         own = (attributes[key] for key in ("dataItemId", "name") if "dataItemId" in attributes and key in attributes)
         mine = list(dict.fromkeys(own))  # many agents give an item the same word for both
-        wrong = attributes.get("units", UNIT).upper() != UNIT
-        void.update(name for name in mine if wrong or name in found)
+        unit = attributes.get("units", UNIT).upper()
+        void.update(name for name in mine if name in found)
+        units.update(dict.fromkeys(mine if unit != UNIT else (), unit))
         names.append(mine)
         found.update(dict.fromkeys(mine, ""))
 
@@ -140,7 +152,8 @@ def current(data: bytes) -> Mapping[str, str]:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise ValueError(str(error)) from None
-    return found | dict.fromkeys(void, "")
+    other = {name: f"{found[name]} {unit}".strip() if found[name].upper() != NOTHING else NOTHING for name, unit in units.items()}
+    return found | other | dict.fromkeys(void, "")
 
 
 def payload(data: bytes, key: str) -> str:
