@@ -7,19 +7,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from ..records import Array, LinkError
+from ..records import Array
 
 ACTIONS = ("accept", "acknowledge", "repaired", "ignore")
 HELD = ("acknowledge", "ignore")  # after these an alarm is answered and not closed
 AHEAD = timedelta(hours=1)  # by which a clock may go back without a word: nights further in the future are left out
-
-
-class UnreadableError(LinkError):
-    """A history that was open does not answer any more. `engine`: its connections, by which it is known which one that was."""
-
-    def __init__(self, message: str, engine: object) -> None:
-        super().__init__(message)
-        self.engine = engine
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,11 @@ from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
-from ._answers import answers
+from ._answers import UnreadableError, answers
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
 from .answers import of_machine
-from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, UnreadableError, date_of, stamp_of
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
