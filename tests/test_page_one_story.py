@@ -15,11 +15,13 @@ from test_page_newer_no import M, plain_of, seen
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import exit_of
+from tango_cnc.report.answer import Answer
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_found, on_another_day
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
+from tango_cnc.web.pages.fleet import brief
 
 
 def test_parts_of_nights_that_were_within_the_limit_are_not_said_to_be_beyond_it() -> None:
@@ -84,3 +86,12 @@ def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Pat
     text = plain_of(seen(place, "/alarms"))
     assert "No alarm is open." in text and "Make no parts on it." in text and "107 µm, 90 µm allowed" in text
     assert "Run the full measurement: it shows whether the repair has helped." in text
+
+
+def test_the_row_of_a_machine_that_moved_within_its_run_has_one_since() -> None:
+    """ "C axis has moved along Y by +30 µm since then, since Mon 30 Nov 2026"."""
+    told = Answer("no", "No", "doubtful", "", "")
+    said = "Not to be relied on: the machine moved: C axis has moved along Y by +30 µm since then. Only the full run …"
+    assert brief(told, (), False, said, texts(), "2026-11-30")[1].endswith(
+        "C axis has moved along Y by +30 µm since then (the night ending Mon 30 Nov 2026)."
+    )
