@@ -34,7 +34,7 @@ class UnreadableError(LinkError):
     """A history that was open does not answer any more. `engine`: its connections, by which it is known which one that was."""
 
     def __init__(self, message: str, engine: object) -> None:
-        super().__init__(message)
+        super().__init__(f"history: {message}")
         self.engine = engine
 
 

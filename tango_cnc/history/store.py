@@ -401,9 +401,7 @@ class History:
         try:
             found = answers(self.engine, wanted, given)
         except (DBAPIError, UnicodeDecodeError) as error:
-            raise UnreadableError(
-                f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}", self.engine
-            ) from None
+            raise UnreadableError(f"it cannot be read ({first_line(error)}); {self._look_at(error)}", self.engine) from None
         _whole.rows(wanted, found)
         return found
 

@@ -107,7 +107,7 @@ class Places(Remembered):
         for name in self._listed:
             found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, off, bool(off)))
         if off and not found:
-            raise UnreadableError(off, None)
+            raise UnreadableError(off.removeprefix("history: "), None)
         return self._with_former(found)
 
     def _with_former(self, found: dict[str, Served]) -> dict[str, Served]:
