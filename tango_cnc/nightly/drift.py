@@ -13,6 +13,7 @@ from ..report.texts import texts
 from ..report.tonight import WARMED
 from ..state import State
 from ..state.effect import alike
+from ..texts import say
 from .alarms import Known, effect_of, others
 from .control import reached
 from .course import (
@@ -53,6 +54,7 @@ class Drift:
     limit: str = ""  # what reaches its limit if it goes on so
     nights: float | None = None  # in how many days that is
     alike: tuple[str, ...] = ()  # locations that no touch tells from it
+    swings: tuple[str, int] | None = None  # how it swings with the temperature (µm/K), over how many nights (nightly/swings.py)
 
     @property
     def text(self) -> str:
@@ -62,6 +64,8 @@ class Drift:
             moved = texts()("changed.scales", size=size, since=self.since)
         else:
             moved = changed(self.parameter, size, self.since, self.alike)
+        if self.swings:
+            return say("night.sensors.swings", text=moved, name=self.parameter, rate=self.swings[0], count=self.swings[1])
         if not self.steady:
             return moved
         moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))
