@@ -33,7 +33,7 @@ from tests.support.truth import Truth
 AT_TWENTY = Thermal(Known(20.0, 0.02), Known(20.0, 0.02), Known(11.5e-6, 0.1e-6), Known(11.5e-6, 0.1e-6))
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=3)
 def machine(seed: int) -> tuple[World, Estimate, Sheet]:
     """A machine of its own errors, its estimate and its figures; several tests look at the first two."""
     cell, world = example("trunnion")

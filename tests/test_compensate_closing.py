@@ -13,13 +13,13 @@ from support.closing import EXAMPLES, SETTINGS
 from support.compensated import closed, example, first
 
 from sim_controller.compensation import targets as simulated
-from tango_cnc.compensate import propose, targets
+from tango_cnc.compensate import Proposal, propose, targets
 from tango_cnc.compensate.loop import store
 from tango_cnc.records import InputError
 
 
-def whole(name: str, target: str, folder: Path) -> str:
-    c = closed(name, target, folder, SETTINGS.get(target, ()))
+def whole(name: str, target: str, folder: Path, made: Proposal | None = None) -> str:
+    c = closed(name, target, folder, SETTINGS.get(target, ()), made)
     said = (
         f"{name:22s} {target:12s} can hold {c.held_before:6.2f} µm, gone {100 * c.gone:5.1f} %; true {c.true_before:6.2f} → "
         f"{c.true_after:5.2f} µm, predicted {c.proposal.fit.rms_after.value:5.2f}"
@@ -53,12 +53,12 @@ def test_what_each_target_can_hold_is_gone_on_every_machine(target: str, tmp_pat
     done = 0
     for name in EXAMPLES:
         try:
-            propose(first(name), target, SETTINGS.get(target, ()))
+            made = propose(first(name), target, SETTINGS.get(target, ()))
         except InputError as error:
             assert "allowed:" in str(error)
             print(f"{name:22s} {target:12s} refused: {error}")
             continue
-        whole(name, target, tmp_path / name)
+        whole(name, target, tmp_path / name, made)
         done += 1
     assert done
 

@@ -89,7 +89,7 @@ def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_
     with pytest.raises(locate.InputError) as refused:
         locate.locate(made, beside)
     said = str(refused.value)
-    assert 0 < said.find("Measure the place of the table") < said.find("Only if you know")
+    assert 0 < said.find("measure the place of the table") < said.find("Only if you know")
     missing = replace(beside, status=("miss", *beside.status[1:]))
     with pytest.raises(
         locate.InputError, match=rf"As nothing was met at {made.touches[0].facet}, too few touches are left"

@@ -81,6 +81,19 @@ def test_what_nobody_has_answered_goes_on_under_its_id_and_a_knock_has_its_own(r
 
 
 @pytest.mark.long
+def test_a_step_after_an_alarm_that_was_gone_again_is_another_alarm(root: Path, tmp_path: Path) -> None:
+    """A drift of 9 µm had gone back day by day, and 13 µm in one night were told as that alarm which goes on: whoever ignored the
+    one had answered the other, and parts were in question for two weeks."""
+    crept = (*(Event(n, {"EY0C": 0.003}) for n in (8, 9, 10)), *(Event(n, {"EY0C": -0.0009}) for n in range(11, 21)))
+    records = answered(root, tmp_path / "h.db", Story((*crept, Event(24, {"EY0C": 0.013})), wander=0.3), 24, {})
+    (old,) = records[8]["alarms"]
+    assert old["rate_per_day"] and "gone again" in records[22]["standing"][0]["now"]
+    (step,) = records[23]["alarms"]
+    assert step["id"] != old["id"] and not step.get("goes_on") and step["since"] == records[22]["night"]
+    assert step["size"] == pytest.approx(0.013, abs=0.001) and step["sigmas"] > 8 and not step["rate_per_day"]
+
+
+@pytest.mark.long
 def test_an_answer_ends_an_alarm_and_who_has_it_keeps_it(root: Path, tmp_path: Path) -> None:
     """Whoever acknowledged it sees it go on; what is accepted and goes on is another alarm; a drift is ignored at its rate."""
     for action, ids in (("acknowledge", 1), ("ignore", 1), ("accept", 2)):

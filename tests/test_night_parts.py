@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,20 +11,24 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from support.nights import night
 
 from tango_cnc.files import read_cell
 from tango_cnc.nightly.alarms import Known, alarms_of, effect_of, said_of
 from tango_cnc.nightly.back import went_back
 from tango_cnc.nightly.dates import Since
-from tango_cnc.nightly.mail import _about
+from tango_cnc.nightly.mail import _about, message
 from tango_cnc.nightly.parts import as_warm
-from tango_cnc.nightly.words import changed
+from tango_cnc.nightly.words import changed, headline, sizes_of
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell
+from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
 from tango_cnc.state import State, frame
 from tango_cnc.state.effect import alike
 from tango_cnc.state.naming import Hypothesis, Named
+from tango_cnc.texts import carried, revived
 from tango_cnc.touches import of_facets
 
 UM = 1e-3
@@ -90,27 +95,72 @@ def test_locations_that_no_touch_tells_apart_are_named_for_each_other(root: Path
     assert not alike(machine, "EX0S-of-nothing") and not alike(machine, "EXX1")
 
 
+def alarm_of(cell: Cell, parameter: str, size: float, std: float, since: str) -> dict[str, Any]:
+    h = Hypothesis("axis_location", parameter, np.eye(1), "mm", (parameter[-1],))
+    named = Named(h, np.array([size]), np.array([std]), 1600.0, 1600.0, 1.0, ())
+    known = Known(cell, cast(Any, SimpleNamespace(names=(parameter,))), np.zeros((1, 3, 1)))
+    tonight = cast(Any, SimpleNamespace(statistic=1600.0, scale=1.0, dof=1, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0), wider=1.0))
+    (alarm,) = alarms_of(known, Since(since, "last night"), cast(Any, None), tonight, named)
+    return alarm
+
+
 LIKE = "EX0S", "EX0A", "EX0C", "EB0S"  # one distance between spindle and table of a trunnion, and the tilt of one stylus
 
 
-@pytest.mark.parametrize(("parameter", "first"), [("EX0S", "spindle"), ("EX0C", "C axis"), ("EX0A", "A axis")])
-def test_the_sentence_names_every_axis_that_no_touch_tells_from_the_first(root: Path, parameter: str, first: str) -> None:
-    cell = read_cell(root / "examples" / "trunnion")
-    h = Hypothesis("axis_location", parameter, np.eye(1), "mm", (parameter[-1],))
-    named = Named(h, np.array([20 * UM]), np.array([0.5 * UM]), 1600.0, 1600.0, 1.0, ())
-    known = Known(cell, cast(Any, SimpleNamespace(names=(parameter,))), np.zeros((1, 3, 1)))
-    tonight = cast(Any, SimpleNamespace(statistic=1600.0, scale=1.0, dof=1, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0), wider=1.0))
-    (alarm,) = alarms_of(known, Since("2026-11-27", "last night"), cast(Any, None), tonight, named)
+@pytest.mark.parametrize(
+    ("parameter", "first", "other"),
+    [
+        ("EX0S", "spindle", "A axis or C axis"),
+        ("EX0C", "C axis or A axis", "spindle"),
+        ("EX0A", "A axis or C axis", "spindle"),
+    ],
+)
+def test_the_sentence_names_every_axis_that_no_touch_tells_from_the_first(
+    root: Path, parameter: str, first: str, other: str
+) -> None:
+    alarm = alarm_of(read_cell(root / "examples" / "trunnion"), parameter, 20 * UM, 0.5 * UM, "2026-11-27")
     text = alarm["text"]
     assert text.startswith(first) and all(text.count(name) == 1 for name in ("spindle", "A axis", "C axis"))
-    assert f"(no touch tells which) has moved along X by +20.0 ± 0.5 µm since last night ({parameter})" in text
-    assert set(alarm["alike"]) == set(LIKE) - {parameter}
+    assert f"has moved along X by +20.0 ± 0.5 µm, or {other} by -20.0 ± 0.5 µm (no touch tells which) since last night" in text
+    assert text.endswith(f"since last night ({parameter})") and set(alarm["alike"]) == set(LIKE) - {parameter}
     back = went_back(alarm, cast(Any, Back()), 20 * UM)[0]
-    assert "(no touch tells which) has gone back along X by" in back
+    assert f"has gone back along X by -20.0 µm ({parameter}), or {other} by +20.0 µm (no touch tells which): " in back
+
+
+def test_another_location_has_its_own_size(root: Path) -> None:
+    """What the axis does to the tip is reckoned by the kinematics: 1 mm of a spindle that is off to the right is 1 mm of a table to
+    the left, and on an inclined axis (huron, 45°) 1.4 mm."""
+    assert alike(read_cell(root / "examples" / "fork_head").machine, "EX0S")["EX0A"] == 1.0
+    trunnion, huron = (read_cell(root / "examples" / name).machine for name in ("trunnion", "huron"))
+    assert {n: by for n, by in alike(trunnion, "EX0S").items() if n != "EB0S"} == {"EX0A": -1.0, "EX0C": -1.0}
+    assert alike(huron, "EX0C")["EX0A"] == pytest.approx(math.sqrt(2), abs=1e-5)
+    told = changed("EX0C", "+10 µm", "Sunday", ["EX0S", "EX0A"], sizes_of({"EX0S": -1.0, "EX0A": math.sqrt(2)}, 10 * UM))
+    assert told.startswith(
+        "C axis has moved along X by +10 µm, or spindle by -10.0 µm or A axis by +14.1 µm (no touch tells which) "
+    )
+
+
+@pytest.mark.few(1)
+def test_every_page_names_an_axis_with_its_own_sign(root: Path) -> None:
+    """The C axis had moved by +40 µm, and "spindle or A axis or C axis … by −39.9 µm" would have doubled that."""
+    cell, size = read_cell(root / "examples" / "trunnion"), -39.9 * UM
+    before, now = night("M", 1), night("M", 2, "changed")
+    now["alarms"] = [
+        alarm_of(cell, "EX0S", size, 0.6 * UM, before["night"])
+        | {"id": f"{now['night']}-020000-1", "owner": None, "decision": None}
+    ]
+    now["parameters"]["EX0S"] = {"value": -29.8 * UM, "unit": "mm", "std": 0.3 * UM, "change": size}
+    wanted = "Spindle has moved along X by −40 µm, or A axis or C axis by +40 µm (no touch tells which) since "
+    for again in (now, revived(json.loads(json.dumps(carried(now))))):
+        (fault,) = faults(again, (), {}, Units(), texts(), cell.machine, before)
+        assert fault["text"].startswith(wanted)
+        assert "Where it is entered elsewhere: A axis or C axis by +30 µm." in fault["whole"]
+    now["headline"] = headline(now)
+    assert "by -39.9 ± 0.6 µm, or A axis or C axis by +39.9 ± 0.6 µm (no" in message(now, (), ())[1]
 
 
 def test_an_axis_that_touches_tell_from_all_others_is_named_alone(root: Path) -> None:
-    assert alike(read_cell(root / "examples" / "trunnion").machine, "EY0C") == ()
+    assert alike(read_cell(root / "examples" / "trunnion").machine, "EY0C") == {}
     assert changed("EY0C", "+20 µm") == "C axis has moved along Y by +20 µm since last night (EY0C)"
     assert "spindle tilted about Y or spindle off in X (no" in changed("EB0S", "+9 µrad", alike=("EX0S",))
     assert "C axis or spindle tilted about Y (no touch" in changed("EX0C", "+9 µm", alike=("EB0S",))

@@ -15,11 +15,13 @@ from test_page_newer_no import M, plain_of, seen
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import exit_of
+from tango_cnc.report.answer import Answer
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_found, on_another_day
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
+from tango_cnc.web.pages.fleet import brief
 
 
 def test_parts_of_nights_that_were_within_the_limit_are_not_said_to_be_beyond_it() -> None:
@@ -72,3 +74,24 @@ def test_who_has_an_alarm_reads_on_alarms_how_to_close_it(tmp_path: Path) -> Non
         history.decide(M, Decision(alarm["id"], "ignore", "Ann Meier", until=until))
     text = seen(place, "/alarms")
     assert "--action repaired --owner &#39;Ann Meier&#39;" in text and "--action acknowledge" not in text
+
+
+def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Path) -> None:
+    """ "No alarm is open." stood there, and nothing of a machine that was No: repaired by word alone."""
+    alarm = knock(night(M, 8)["night"])
+    limit = {"what": "volume", "unit": "µm", "value": 107.0, "low": 106.0, "high": 108.0, "limit": 90.0, "passed": False}
+    place = cell(tmp_path / "one", records=[night(M, 7), night(M, 8, "out_of_limits", alarms=[alarm], limits=[limit])])
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(alarm["id"], "repaired", "Zoë"))
+    text = plain_of(seen(place, "/alarms"))
+    assert "No alarm is open." in text and "Make no parts on it." in text and "107 µm, 90 µm allowed" in text
+    assert "Run the full measurement: it shows whether the repair has helped." in text
+
+
+def test_the_row_of_a_machine_that_moved_within_its_run_has_one_since() -> None:
+    """ "C axis has moved along Y by +30 µm since then, since Mon 30 Nov 2026"."""
+    told = Answer("no", "No", "doubtful", "", "")
+    said = "Not to be relied on: the machine moved: C axis has moved along Y by +30 µm since then. Only the full run …"
+    assert brief(told, (), False, said, texts(), "2026-11-30")[1].endswith(
+        "C axis has moved along Y by +30 µm since then (the night ending Mon 30 Nov 2026)."
+    )

@@ -18,7 +18,7 @@ from starlette.testclient import TestClient
 from tango_cnc.cli import tango
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.standing import still
-from tango_cnc.nightly.words import headline
+from tango_cnc.nightly.words import changed, headline
 from tango_cnc.report.course import course
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
@@ -107,14 +107,20 @@ def test_a_jump_is_steady_while_it_still_shows(then: float, std: float, wanted: 
     assert course(date(2026, 10, 24), days, value, spread, [(8, -6.6)], None, "µm/m", texts()) == wanted
 
 
-def test_the_list_has_the_size_of_what_no_touch_tells_apart(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("opposite", "wanted"),
+    [
+        (False, "C axis or B axis or spindle has moved along X by +20 µm, since Mon 26 Oct 2026."),
+        (True, "C axis or B axis has moved along X by +20 µm, or spindle by −20 µm, since Mon 26 Oct 2026."),
+    ],
+)
+def test_the_list_has_the_size_of_what_no_touch_tells_apart(tmp_path: Path, opposite: bool, wanted: str) -> None:
     """It stopped at the bracket: "C axis or B axis, since Mon 26 Oct 2026"."""
     since = night(M, 1)["night"]
-    names = say("changed.which", names=say("changed.either", first="C axis", second="B axis"))
-    text = say("changed.off", what=names, letter="X", size="+20.0 ± 0.3 µm", since=since, name="EX0C")
+    text = changed("EX0C", "+20.0 ± 0.3 µm", since, ["EX0B", "EX0S"], {"EX0S": "-20.0 ± 0.3 µm"} if opposite else {})
     own = scale(FOUND, 0.7) | {"parameter": "EX0C", "unit": "mm", "size": 0.02, "total": 0.02, "text": text, "alike": ["EX0B"]}
     own["now"] = say("night.alarms.still_there", told="+20.0 ± 0.3 µm")
     place = cell(tmp_path / "one", records=[night(M, 2, "changed", alarms=[own]), night(M, 8, "changed", standing=[own])])
     with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
         text = " ".join(client.get("/").text.split())
-    assert "C axis or B axis has moved along X by +20 µm, since Mon 26 Oct 2026." in text
+    assert wanted in text

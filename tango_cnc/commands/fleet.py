@@ -111,7 +111,7 @@ def command(
     """Last night of every machine: who is late, who alarms, who is fine.
 
     Of one history (--history), or of the histories of the cells that are named. Exit status 1 when a machine needs somebody: it is
-    late, an alarm has no answer, or its last night was out of limits, in doubt or measured nothing.
+    late, an alarm has no answer, or its last night was out of limits, not certain to be within them, in doubt or measured nothing.
 
     --again estimates the whole history of the cells once more, after a change of the model: into new files, one a machine. What
     was cut off goes on when it is called again.

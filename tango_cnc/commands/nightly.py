@@ -58,8 +58,8 @@ def command(
 ) -> int:
     """Measures the machine, judges it, keeps the result and sends a message: one night, started by a timer.
 
-    Nothing moves unless every point of the preflight has passed. Exit status 0: as it should be; 1: changed, out of limits or in
-    doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
+    Nothing moves unless every point of the preflight has passed. Exit status 0: as it should be; 1: changed, out of limits, not
+    certain to be within them, or in doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
     """
     from ..history import opened
     from ..nightly import Ports, exit_of, night

@@ -18,7 +18,7 @@ from ..state.filter import sigma_of
 from ..texts import joined, say
 from ..texts.number import number
 from .dates import Since
-from .words import cause_texts, changed, on_part, value
+from .words import as_recorded, cause_texts, changed, on_part, sizes_of, value
 
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
 MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
@@ -80,8 +80,7 @@ def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
     size, std, text = said_of(k, before, named)
     alarm = _alarm(before, h.cause, h.parameter, text, named.sigmas) | {"size": size, "std": std, "unit": h.unit}
     alarm["instead"] = others(k, h.parameter, named.instead)
-    if same := alike(k.cell.machine, h.parameter):
-        alarm["alike"] = list(same)
+    alarm |= as_recorded(alike(k.cell.machine, h.parameter))
     effect, on_part, do = effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ named.size, before.date)
     if h.cause == "stylus" and (pivot := _pivot(k, named)) is not None:
         name, found = pivot
@@ -223,7 +222,8 @@ def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     if h.cause in ("facet", "pretravel", "scales"):
         name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
         return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
-    return size, std, changed(h.parameter, told, before.words, alike(k.cell.machine, h.parameter))
+    same = alike(k.cell.machine, h.parameter)
+    return size, std, changed(h.parameter, told, before.words, same, sizes_of(same, size, std))
 
 
 def _place(parameter: str) -> str:

@@ -198,7 +198,7 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
         on_part = say("night.repaired.over_part", now=on_part, night=since, before=number(float(was), "µm", signed=False))
     return {
         **{"id": "", "since": since, "rate_per_day": None, "instead": list(wrong.get("instead") or ())},
-        **({"alike": wrong["alike"]} if wrong.get("alike") else {}),
+        **{key: wrong[key] for key in ("alike", "alike_by") if wrong.get(key)},
         **{"cause": wrong["cause"], "parameter": wrong["parameter"], "text": say(f"night.repaired.{way}", **told)},
         **{"size": size, "std": spread, "unit": m.unit, "sigmas": abs(now) / max(std, 1e-15)},
         **{"on_part_um": effect, "on_part": on_part, "do": say("night.repaired.do", owner=d.owner)},

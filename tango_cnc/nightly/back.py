@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..history.answers import of_machine
@@ -11,7 +11,7 @@ from ..report.words import PLACE, spoken, who_moved
 from ..texts import LIST, Said, joined, say
 from .moved import Moved
 from .ports import Past
-from .words import value
+from .words import sizes_of, value
 
 OWN = ("pretravel", "scales", "table", "stylus")  # causes with a sentence of their own
 
@@ -35,17 +35,18 @@ def went_back(wrong: Mapping[str, Any], m: Moved, then: float) -> tuple[Said, Sa
     """alarm, how far what it named is from where it was, size before it went back → the sentence that says by how much it went back
     and what is left; the latter alone.
     """
-    cause, parameter = str(wrong["cause"]), str(wrong["parameter"])
+    parameter = str(wrong["parameter"])
     _, now, std = m.along()
     left = _left(m, then, now, std)
-    what = _what(cause, parameter, _size(m, now - then), wrong.get("alike") or ())
+    what = _what(wrong, _size(m, now - then), now - then)
     return joined(": ", (what, left)), say("night.repaired.left", name=parameter, told=value(now, m.unit, std))
 
 
 def gone(alarm: Mapping[str, Any], m: Moved, then: float) -> Said:
     """alarm of tonight that takes back an older one, how far that is from where it was, its size → the sentence of tonight's."""
     _, now, std = m.along()
-    what = _what(alarm["cause"], alarm["parameter"], _size(m, float(alarm["size"]), float(alarm["std"])), alarm.get("alike") or ())
+    size, spread = float(alarm["size"]), float(alarm["std"])
+    what = _what(alarm, _size(m, size, spread), size, spread)
     return say("back.since", what=what, since=_since(alarm), left=_left(m, then, now, std))
 
 
@@ -69,8 +70,9 @@ def _since(alarm: Mapping[str, Any]) -> str:
     return found if isinstance(found, str) else str(alarm["since"])
 
 
-def _what(cause: str, parameter: str, size: str, alike: Sequence[str] = ()) -> Said:
-    """cause, parameter, by how much, locations that no touch tells from it → that it went back by so much."""
+def _what(a: Mapping[str, Any], size: str, change: float, std: float | None = None) -> Said:
+    """alarm, by how much as a text, in its unit, standard deviation → that it went back by so much."""
+    cause, parameter, alike = str(a["cause"]), str(a["parameter"]), a.get("alike") or ()
     if cause in OWN:
         return say(f"back.{cause}", size=size)
     kind, _, place = parameter.partition(" ")
@@ -78,7 +80,9 @@ def _what(cause: str, parameter: str, size: str, alike: Sequence[str] = ()) -> S
         return say("back.named", what=say(f"followed.{kind}", name=place), size=size)
     if spoken(parameter) == parameter:
         return say("back.named", what=parameter, size=size)
-    what = who_moved(parameter, alike, texts())
+    what, others = who_moved(parameter, alike, texts(), sizes_of(a.get("alike_by") or {}, change, std))
+    told = {"what": what, "size": size, "name": parameter} | ({"others": others} if others else {})
+    by = "_by" if others else ""
     if match := PLACE.fullmatch(parameter):
-        return say("back.off", what=what, letter=match[1], size=size, name=parameter)
-    return say("back.other", what=what, size=size, name=parameter)
+        return say(f"back.off{by}", letter=match[1], **told)
+    return say(f"back.other{by}", **told)

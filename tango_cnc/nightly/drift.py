@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from .course import (
     now_of,
     only,
 )
-from .words import changed, one_day, value, what_of
+from .words import as_recorded, changed, one_day, sizes_of, value, what_of
 
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
@@ -53,8 +53,8 @@ class Drift:
     alarms: bool = True  # where it is sure enough; false: a sentence, however sure
     limit: str = ""  # what reaches its limit if it goes on so
     nights: float | None = None  # in how many days that is
-    alike: tuple[str, ...] = ()  # locations that no touch tells from it
     swings: tuple[str, int] | None = None  # how it swings with the temperature (µm/K), over how many nights (nightly/swings.py)
+    alike: Mapping[str, float] = field(default_factory=dict)  # locations that no touch tells from it, by how much for 1 of it
 
     @property
     def text(self) -> str:
@@ -63,7 +63,7 @@ class Drift:
         if self.parameter == ALIKE:
             moved = texts()("changed.scales", size=size, since=self.since)
         else:
-            moved = changed(self.parameter, size, self.since, self.alike)
+            moved = changed(self.parameter, size, self.since, self.alike, sizes_of(self.alike, self.size, self.std))
         if self.swings:
             return say("night.sensors.swings", text=moved, name=self.parameter, rate=self.swings[0], count=self.swings[1])
         if not self.steady:
@@ -132,7 +132,7 @@ def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     return {
         **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady},
         "instead": others(k, found.parameter),
-        **({"alike": list(found.alike)} if found.alike else {}),
+        **as_recorded(found.alike),
         **{"cause": cause_of(k, place)},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},

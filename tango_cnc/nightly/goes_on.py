@@ -14,7 +14,7 @@ from ..history import Decision
 from ..history.answers import of_machine
 from ..records import Array
 from ..report.texts import texts
-from ..report.tonight import LENGTHS
+from ..report.tonight import LENGTHS, is_over, is_unseen
 from ..state import Named, State
 from ..state.changes import change
 from ..texts import say
@@ -70,7 +70,7 @@ def newest_of(past: Past, machine: str) -> dict[str, tuple[Any, Mapping[str, Any
 
 
 def same_pace(older: Mapping[str, Any], tonight: Mapping[str, Any], days: float) -> bool:
-    """alarm of an earlier night, alarm of tonight, days between their nights → whether tonight's step is as the ones before it."""
+    """alarm of an earlier night, alarm of tonight, days that its step took → whether that is as the steps before it."""
     step, made = abs(float(tonight["size"])), abs(float(older["rate_per_day"] or older["size"]))
     return step <= FASTER * made * max(days, 1.0) + SURE * float(tonight["std"])
 
@@ -96,7 +96,7 @@ def _going_on(
         if any(g.utc >= stored.night.start_utc for g in given) or not _moved_last(past, machine, stored, older, alarm, days):
             return alarm
         m = moved(past, machine, k, after, stored, older)
-        if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
+        if m is None or not same_pace(older, alarm, _since_last(past, machine, after, days)) or not _onward(m, alarm):
             return alarm
         if _knocks(k, m, older, alarm):
             return alarm | {"follows": _followed(older, stored)} | _twice(alarm)
@@ -142,12 +142,23 @@ def _moved_last(past: Past, machine: str, stored: Any, older: Mapping[str, Any],
         return known is not None
     waiting = past.records_of([known[0].entry])[known[0].entry].get("standing") or ()
     last_told = next((x for x in waiting if x["id"] == older["id"]), None)
-    if last_told is None or last_told.get("stands"):
+    if last_told is None or last_told.get("stands") or is_over(last_told) or is_unseen(last_told.get("now")):
         return False
     size, total = float(older["size"]), last_told.get("total")
     grew = total is not None and float(total) * size > 0 and abs(float(total)) > (1 + GREW) * abs(size)
     rests = bool(older.get("goes_on")) and days < PAUSE
     return grew or rests or bool(older.get("rate_per_day") and older.get("steady", True))
+
+
+def _since_last(past: Past, machine: str, after: State, days: float) -> float:
+    """→ days since the last night that was believed, whose state tonight's step was found against; at most those since the alarm,
+    which may have waited for weeks.
+    """
+    known = past.latest_knowledge(machine)
+    if known is None:
+        return days
+    state = past.records_of([known[0].entry])[known[0].entry].get("state") or {}
+    return min(days, after.day - float(state.get("day", after.day - days)))
 
 
 def _onward(m: Moved, alarm: Mapping[str, Any]) -> bool:
@@ -215,5 +226,6 @@ def _told(
     whole |= _twice(alarm) if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
     whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}
+    whole["sigmas"] = max(float(whole["sigmas"]), float(alarm["sigmas"]))  # a machine that wanders makes the whole less sure
     held = {"owner": answer.owner, "decision": "acknowledge"} if answer is not None and answer.action == "acknowledge" else {}
     return alarm | whole | held | {"goes_on": {"step": step, "std": float(alarm["std"]), "text": text}}

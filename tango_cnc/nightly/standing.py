@@ -21,7 +21,8 @@ from .ports import Past
 from .words import value
 
 LAST_NIGHT = "last night"
-BESIDE = ("alike", "compensation", "ignored", "again", "follows", "undoes", "repair", "warmer")  # what some alarms have
+# What some alarms have:
+BESIDE = ("alike", "alike_by", "compensation", "ignored", "again", "follows", "undoes", "repair", "warmer")
 TONIGHT = "tonight"  # after every moment on record
 
 

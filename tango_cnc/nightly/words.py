@@ -9,7 +9,7 @@ from ..report.repeated import is_alarm, named_open, open_alarm_of, stories
 from ..report.texts import texts
 from ..report.tonight import is_gone, is_over, moved_on
 from ..report.units import shown
-from ..report.words import moved, named
+from ..report.words import moved, named, unit_of
 from ..texts import Said, joined, say
 from ..texts.number import Number, number
 
@@ -28,11 +28,27 @@ def on_part(key: str, since: str, **values: str) -> str:
     return texts()(key, **({"since": since} if since else {}), **values)
 
 
-def changed(parameter: str, size: str, since: str = "last night", alike: Sequence[str] = ()) -> str:
-    """name of ISO 230-1 or a facet, size of its change, since when, locations that no touch tells from it → a sentence that names
-    the axis before the symbol, and every other one that may have moved in its place.
+def changed(
+    parameter: str, size: str, since: str = "last night", alike: Collection[str] = (), sizes: Mapping[str, str] | None = None
+) -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when, locations that no touch tells from it, the sizes of those that
+    would have moved by another one → a sentence that names the axis before the symbol, and every other one that may have moved.
     """
-    return moved(parameter, size, since, alike=alike)
+    return moved(parameter, size, since, alike=tuple(alike), sizes=sizes)
+
+
+def sizes_of(share: Mapping[str, float], size: float, std: float | None = None) -> dict[str, str]:
+    """{location that no touch tells from a parameter: how much of it does the same as 1 mm or 1 rad}, size of the change of that
+    parameter, standard deviation → {location: its own size}, of those alone that would have moved by another one.
+    """
+    other = {name: by for name, by in share.items() if by != 1}
+    return {name: value(size * by, unit_of(name), None if std is None else std * abs(by)) for name, by in other.items()}
+
+
+def as_recorded(share: Mapping[str, float]) -> dict[str, Any]:
+    """{location that no touch tells from a parameter: how much of it does the same} → what an alarm has of it in its record."""
+    other = {name: by for name, by in share.items() if by != 1}
+    return ({"alike": list(share)} if share else {}) | ({"alike_by": other} if other else {})
 
 
 def value(size: float, unit: str, std: float | None = None, *, signed: bool = True) -> Number:

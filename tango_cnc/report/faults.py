@@ -21,10 +21,10 @@ from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation, without_full
 from .texts import Texts
-from .together import SAME, closed, together
+from .together import SAME, closed, signed_of, together
 from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen
 from .units import Units, shown
-from .words import of_its_night, spoken, subject, unforeseen
+from .words import elsewhere, of_its_night, spoken, subject, unforeseen
 
 if TYPE_CHECKING:
     from ..history import History
@@ -369,6 +369,8 @@ def _whole_error(
     way = (
         "right" if right else "smaller" if abs(whole) < abs(was) - slack else "larger" if abs(whole) > abs(was) + slack else "same"
     )
+    if not right and (others := elsewhere(name, a.get("alike") or (), t, signed_of(a, whole, u, t))):
+        text += f" {plain(t('part.whole_else', others=others), u, t, machine)}"
     told = {"whole": f"{text} {t(f'part.whole_{way}')}"}
     return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 

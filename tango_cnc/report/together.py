@@ -16,7 +16,7 @@ from .plain import amount, office, plain, shop, signed
 from .texts import Texts
 from .tonight import WARMED, has_grown, is_gone, is_unseen, with_effect
 from .units import Units, shown
-from .words import moved, spoken
+from .words import moved, spoken, unit_of
 
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
 KNOCK = 3.0  # times what a drift makes a day, from which one night is a knock on top of it
@@ -313,13 +313,24 @@ def _knocks(same: Sequence[Mapping[str, Any]], known_of: str, u: Units, t: Texts
     return t(f"morning.{key}", **words)
 
 
+def signed_of(a: Mapping[str, Any], size: float, u: Units, t: Texts) -> dict[str, str]:
+    """alarm, how far its parameter has moved or is off, in its unit, units, texts → {location that no touch tells from it and that
+    would be so by another size: its own}.
+    """
+    told = {}
+    for name, by in (a.get("alike_by") or {}).items():
+        factor, unit = shown(unit_of(name))
+        told[str(name)] = signed(size * float(by) * factor, unit, u, t)
+    return told
+
+
 def _whole(
     first: Mapping[str, Any], own: float, every: float, drifts: bool, steps: int, u: Units, t: Texts, machine: Machine | None
 ) -> dict[str, Any]:
     """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
     factor, unit = shown(str(first.get("unit") or "mm"))
-    size = signed(every * factor, unit, u, t)
-    text = moved(str(first["parameter"]), size, since_when({**first, "night": first["first"]}, t), t, first.get("alike") or ())
+    size, when = signed(every * factor, unit, u, t), since_when({**first, "night": first["first"]}, t)
+    text = moved(str(first["parameter"]), size, when, t, first.get("alike") or (), signed_of(first, every, u, t))
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         stands = first.get("stands")

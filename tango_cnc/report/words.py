@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ..records import Machine
 from ..texts import Said, say
@@ -72,45 +72,84 @@ def subject(name: str, machine: Machine | None, t: Texts) -> str:
     return t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
 
 
-def moved(parameter: str, size: str, since: str, t: Texts | None = None, alike: Sequence[str] = ()) -> str:
-    """name of ISO 230-1 or a facet, size of its change, since when, texts, locations that no touch tells from it → a sentence that
-    names the axis before the symbol, and every other axis that may have moved in its place.
+def moved(
+    parameter: str,
+    size: str,
+    since: str,
+    t: Texts | None = None,
+    alike: Sequence[str] = (),
+    sizes: Mapping[str, str] | None = None,
+) -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when, texts, locations that no touch tells from it, the own size of
+    those that would have moved by another one → a sentence that names the axis before the symbol, and every other axis that may
+    have moved in its place, with the sign that it would have moved with.
     """
     t = t or texts()
     plain = spoken(parameter, t=t)
     if plain == parameter:
         return t("changed.unnamed", name=parameter, size=size, since=since)
-    what, told = who_moved(parameter, alike, t), {"size": size, "name": parameter, "since": since}
+    what, others = who_moved(parameter, alike, t, sizes)
+    told = {"size": size, "name": parameter, "since": since, "what": what} | ({"others": others} if others else {})
+    by = "_by" if others else ""
     if match := PLACE.fullmatch(parameter):
-        return t("changed.off", what=what, letter=match[1], **told)
-    return t("changed.other", what=what, **told)
+        return t(f"changed.off{by}", letter=match[1], **told)
+    return t(f"changed.other{by}", **told)
 
 
-def who_moved(parameter: str, alike: Sequence[str], t: Texts) -> str:
-    """location of an axis or another error, locations that no touch tells from it, texts → the axis of a displacement, what else
-    moved otherwise, and all that may have done so in its place.
+def who_moved(parameter: str, alike: Sequence[str], t: Texts, sizes: Mapping[str, str] | None = None) -> tuple[str, str]:
+    """location of an axis or another error, locations that no touch tells from it, texts, sizes of those that would have moved by
+    another one → the axis of a displacement, what else moved otherwise, and all that may have done so by the same size in its
+    place; those that would have moved by another size, each with its own ('': none).
     """
-    if match := PLACE.fullmatch(parameter):
-        return _either(_axes(match, alike, t), t)
-    return _either([spoken(name, t=t) for name in (parameter, *alike)], t)
+    every = _named(parameter, alike, t)
+    sizes = sizes or {}
+    own = [word for name, word in every.items() if name not in sizes]
+    if len(own) == len(every):
+        return (t("changed.which", names=_either(own, t)) if len(own) > 1 else own[0]), ""
+    return _either(own, t), t("changed.which", names=own_sizes({n: w for n, w in every.items() if n in sizes}, sizes, t))
 
 
-def _axes(first: re.Match[str], alike: Sequence[str], t: Texts) -> list[str]:
-    """displacement of an axis, locations that no touch tells from it → the axes that may have moved the same way, the first one
-    first, and tilts of those that are not among them.
+def elsewhere(parameter: str, alike: Sequence[str], t: Texts, sizes: Mapping[str, str]) -> str:
+    """parameter, locations that no touch tells from it, texts, own sizes of some of these → these with their sizes; '' for none."""
+    every = {name: word for name, word in _named(parameter, alike, t).items() if name in sizes}
+    return own_sizes(every, sizes, t) if every else ""
+
+
+def own_sizes(words: Mapping[str, str], sizes: Mapping[str, str], t: Texts) -> str:
+    """{location: its word}, one at least, {location: its size}, texts → all of them, each with its own size: A axis or C axis by
+    +39.9 µm.
     """
-    same = [found[2] for name in alike if (found := PLACE.fullmatch(name)) and found[1] == first[1]]
-    axes = list(dict.fromkeys((first[2], *same)))
-    words = [t("parameter.spindle") if axis == "S" else t("parameter.axis", axis=axis) for axis in axes]
-    return [*words, *(spoken(name, t=t) for name in alike if name[-1] not in axes)]
+    groups: dict[str, list[str]] = {}
+    for name, word in words.items():
+        groups.setdefault(sizes[name], []).append(word)
+    told = [t("changed.by", what=_either(group, t), size=size) for size, group in groups.items()]
+    return _either(told, t)
+
+
+def unit_of(location: str) -> str:
+    """location of an axis → mm of a displacement, rad of a tilt."""
+    return "mm" if PLACE.fullmatch(location) else "rad"
+
+
+def _named(parameter: str, alike: Sequence[str], t: Texts) -> dict[str, str]:
+    """location of an axis or another error, locations that no touch tells from it → {location: its word}, itself first: of a
+    displacement the axes that may have moved along the same letter, and what of other axes is not among them.
+    """
+    first = PLACE.fullmatch(parameter)
+    if first is None:
+        return {name: spoken(name, t=t) for name in (parameter, *alike)}
+    same = [name for name in alike if (found := PLACE.fullmatch(name)) and found[1] == first[1]]
+    axes = {name: name[-1] for name in (parameter, *same)}
+    words = {name: t("parameter.spindle") if axis == "S" else t("parameter.axis", axis=axis) for name, axis in axes.items()}
+    return words | {name: spoken(name, t=t) for name in alike if name[-1] not in axes.values()}
 
 
 def _either(names: Sequence[str], t: Texts) -> str:
-    """names → all of them as what may have moved; a single one as it is."""
+    """names → one or the other of them; a single one as it is."""
     told = names[0]
     for name in names[1:]:
         told = t("changed.either", first=told, second=name)
-    return t("changed.which", names=told) if len(names) > 1 else told
+    return told
 
 
 def unforeseen(text: str, night: str) -> str:

@@ -28,6 +28,7 @@ ENOUGH = 0.99  # of the largest: what one axis alone does nearly as well needs n
 SEEN = 1e-4  # of what a column could amount to: less of it is no error of its own
 NOTHING = 1e-3  # µm: what is less turns nowhere
 SAME = 1e-6  # of a column: what two of them differ by where no touch tells them apart
+DIGITS = 6  # of how much of one error does as much as another
 
 
 class Effect(NamedTuple):
@@ -114,15 +115,16 @@ def _seen_from_the_part(cell: Cell, errors: Mapping[Coefficient, float], turns: 
 
 
 @lru_cache(maxsize=64)
-def alike(machine: Machine, parameter: str) -> tuple[str, ...]:
-    """machine, name of a location error → names of the others that no touch on this machine can tell from it.
+def alike(machine: Machine, parameter: str) -> Mapping[str, float]:
+    """machine, name of a location error → {name of another that no touch on this machine can tell from it: how much of that (mm,
+    rad) does the same as 1 mm or 1 rad of it}; negative where it goes the other way.
 
     Each by itself: they move every touch as it does, but for what stylus, facets and balls take up.
     """
     candidates = [c for c in inter_axis.coefficients(machine, 0) if c.slot.axis in (*machine.rotary, "S")]
     own = next((i for i, c in enumerate(candidates) if c.name == parameter), None)
     if own is None:
-        return ()
+        return {}
     setup = [setup_coefficient(name) for name in STYLUS]
     matrix, could = columns(Model(rich_plan(machine), (*setup, *candidates)))
     first, count = len(setup), len(candidates)
@@ -135,9 +137,10 @@ def alike(machine: Machine, parameter: str) -> tuple[str, ...]:
     length = np.linalg.norm(rest, axis=0)
     seen = length > SEEN * could[first : first + count]
     if not seen[own]:
-        return ()
-    cosine = np.abs(rest[:, own] @ rest) / np.maximum(length[own] * length, 1e-300)
-    return tuple(c.name for i, c in enumerate(candidates) if i != own and seen[i] and cosine[i] > 1 - SAME)
+        return {}
+    cosine = (rest[:, own] @ rest) / np.maximum(length[own] * length, 1e-300)
+    same = [i for i in range(count) if i != own and seen[i] and abs(cosine[i]) > 1 - SAME]
+    return {candidates[i].name: round(float(np.sign(cosine[i]) * length[own] / length[i]), DIGITS) for i in same}
 
 
 @lru_cache(maxsize=16)

@@ -86,16 +86,21 @@ def _gain(pattern: Array, pull: Array, weight: Array) -> float:
 
 
 def _gains(pattern: Array, pull: Array, weight: Array, count: int) -> Array:
-    """as `_gain`, touches → (n,) what the cause gains that acts from each touch on; 0 too near to an end of the run."""
+    """as `_gain`, touches → (n,) what the cause gains that acts from each touch on; 0 too near to an end of the run.
+
+    One touch more adds its row and its column of the weight, as far as the touches behind it go.
+    """
     m = pattern.shape[1]
     along = np.cumsum((pattern * pull[:, None])[::-1], axis=0)[::-1]
-    square = np.empty((len(pattern), m, m))
-    for a in range(m):
-        for b in range(m):
-            both = weight * np.outer(pattern[:, a], pattern[:, b])
-            square[:, a, b] = np.diag(np.cumsum(np.cumsum(both[::-1, ::-1], axis=0), axis=1))[::-1]
+    row, column = np.triu(weight) @ pattern, np.tril(weight, -1).T @ pattern
+    more = pattern[:, :, None] * row[:, None, :] + column[:, :, None] * pattern[:, None, :]
+    square = np.cumsum(more[::-1], axis=0)[::-1]
+    at = np.arange(EDGE, count - EDGE + 1)
+    at = at[np.all(np.einsum("naa->na", square)[at] > 1e-6, axis=1)]
+    value, vector = np.linalg.eigh(square[at])
+    size = np.abs(value)
+    kept = size > m * np.finfo(float).eps * size.max(axis=1, keepdims=True)  # as `pinvh` has it
+    told = np.einsum("nab,na->nb", vector, along[at])
     gains = np.zeros(len(pattern))
-    for i in range(EDGE, count - EDGE + 1):
-        if np.all(np.diag(square[i]) > 1e-6):
-            gains[i] = along[i] @ linalg.pinvh(square[i]) @ along[i]
+    gains[at] = np.sum(np.where(kept, told**2 / np.where(kept, value, 1.0), 0.0), axis=1)
     return gains

@@ -95,11 +95,11 @@ def truth(cell: Cell, world: World, proposal: Proposal, control: Control | None)
     return rms(tips(cell, world, proposal, control, 2048))
 
 
-def closed(name: str, target: str, folder: Path, settings: Sequence[str] = ()) -> Closed:
-    """Example, target, folder → compensated and measured again."""
+def closed(name: str, target: str, folder: Path, settings: Sequence[str] = (), made: Proposal | None = None) -> Closed:
+    """Example, target, folder, settings, what is proposed with them if that is known → compensated and measured again."""
     cell, world = example(name)
     before = first(name)
-    proposal = propose(before, target, settings)
+    proposal = made or propose(before, target, settings)
     control = read(write(proposal, folder), cell.machine)
     at = sample(cell.machine, proposal.request.limits)
     taken = matrix(proposal.held, at) @ proposal.fit.change

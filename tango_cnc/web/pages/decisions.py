@@ -18,7 +18,7 @@ from ...records import InputError
 from ...report.alarm import decided, sentence, with_its_date
 from ...report.answer import is_moving, measuring
 from ...report.days import at, day
-from ...report.faults import earlier, still_open
+from ...report.faults import earlier, still_open, untried
 from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
@@ -74,7 +74,7 @@ def _read(state: PagesState) -> dict[str, Any]:
     listed = [a for card in waiting for a in card["open"]]
     missing = sum(a["decision"] is None for a in listed)
     made = bool(waiting) and all(c["simulated"] for c in waiting)
-    alone = [one for row in state.places.fleet() if (one := _of_readings(row, state)) is not None]
+    alone = [one for row in state.places.fleet() if (one := _without_alarm(row, state)) is not None]
     return {
         "newer": [one for one in alone if one["machine"].slug not in waits],
         "waiting": waiting,
@@ -95,15 +95,20 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
     return unchanged(row, state, (busy, newer_of(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
 
 
-def _of_readings(row: Row, state: PagesState) -> dict[str, Any] | None:
-    """row, state → the answer of newer readings with what it is about, as in the list; None where that is not its answer."""
-    if newer_of(row) is None:
-        return None
+def _without_alarm(row: Row, state: PagesState) -> dict[str, Any] | None:
+    """row, state → the answer of newer readings, or that of a repair which no night has measured, with what it is about, as in the
+    list; None where that is not its answer.
+    """
     found = faults_of(row, state)
-    said = answer_of(row, found, state)
-    if said is None or not said.newer or busy_for(run_of(state, row.machine), state):
+    tried = any(untried(a) for a in found)
+    if newer_of(row) is None and not tried:
         return None
-    return {"machine": row.machine, "answer": said, "told": brief(said, found, False, "", state.texts)}
+    said = answer_of(row, found, state)
+    if said is None or not (said.newer or (tried and said.may in ("no", "but"))) or busy_for(run_of(state, row.machine), state):
+        return None
+    moving = is_moving(row.record or {}, row.machine.former)
+    more = state.texts("may.repaired_todo") if tried else ""
+    return {"machine": row.machine, "answer": said, "told": brief(said, found, moving, "", state.texts), "more": more}
 
 
 def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:

@@ -233,6 +233,8 @@ def brief(
     """
 
     def dated(text: str) -> str:
+        if told is not None and told.state == "doubtful" and text.rstrip(".").endswith(f" {t('night.within.since')}"):
+            return whole_sentence(f"{text.rstrip('.')} ({t('morning.found', date=day(since, t))})" if since else text)
         known = not since or day(since, t) in text  # the sentence has that date already
         return whole_sentence(text if known else t("web.since", text=text.rstrip("."), date=day(since, t)))
 
