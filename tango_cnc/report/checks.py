@@ -133,7 +133,8 @@ def _limit(f: Facts, t: Texts) -> Check:
     if f.control is not None and f.control.gone is not None:
         text = f"{text}; {t('check.limit_in_control', number=f.control.beneath or f.control.number, target=f.control.target)}"
     if f.control is not None and f.control.event not in HELPS:
-        text = f"{text}; {t('check.limit_open_control', number=f.control.number, target=f.control.target, event=code(f.control.event))}"
+        words = {"number": f.control.number, "target": f.control.target, "event": code(f.control.event)}
+        text = f"{text}; {t('check.limit_open_control', **words)}"
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")

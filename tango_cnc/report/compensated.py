@@ -40,11 +40,8 @@ def held(record: Mapping[str, Any], t: Texts, events: Sequence[Any] = ()) -> str
     if not (known := record.get("in_control")):
         return ""
     event = str(known.get("event") or (KEPT if known["measured"] else "written"))
-    line = t(
-        f"night.{HELD.get(event, 'in_control_open')}",
-        **{key: known[key] for key in ("number", "target", "date")},
-        event=code(event),
-    )
+    words = {key: known[key] for key in ("number", "target", "date")} | {"event": code(event)}
+    line = t(f"night.{HELD.get(event, 'in_control_open')}", **words)
     if event in HELPS:
         return line
     beneath = f" {t('night.in_control_beneath', number=known['beneath'])}" if known.get("beneath") else ""
