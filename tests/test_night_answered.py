@@ -105,7 +105,7 @@ def test_a_repair_is_measured(root: Path, tmp_path: Path, then: dict[str, float]
     assert [a["parameter"] for a in records[7]["alarms"]] == ["EC0X"] and night["kind"] == "full"
     assert night["verdict"] == verdict and said in night["headline"]
     assert EXIT[night["verdict"]] == (0 if verdict == "good" else 1)
-    before = "Parts of before the repair, since the night of 2026-10-07 that was without the change: up to "
+    before = "Parts made before the repair, after the night ending 2026-10-07, the last one without the change: up to "
     other = said in ("that is left of", "has made it worse, it was", "went too far")  # "up to 81 µm" was said of parts with 119
     assert any(before in a["on_part"] and "Since 2026-10-08 " in a["on_part"] for a in night["alarms"]) == other
     assert {r["verdict"] for r in records[9:]} == {verdict}  # nobody has answered the new alarm; a good end stays one

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.sensors import by_how_much, counted, how_warm, see_to_it_first, states, told
 from tango_cnc.records import Readings
-from tango_cnc.texts import say
+from tango_cnc.texts import instead, say
 
 
 def read(**sensors: float) -> Readings:
@@ -138,3 +139,62 @@ def test_a_sensor_that_says_what_is_no_temperature_is_not_called_silent(said: st
     assert "night ending 2026-10-06" in found["text"] and found["doubted"] == ["bed"] and sensors["air"]["state"] == "heard"
     silent = told(states(four(float("nan"), 20.0), records, "2026-10-07"), "bed", "2026-10-07")
     assert "has said nothing since the night ending 2026-10-06" in silent["text"] and "doubted" not in silent
+
+
+def test_a_mail_says_once_that_no_location_is_to_be_entered_and_not_of_what_has_gone() -> None:
+    parts = {
+        "cause": "axis_location",
+        "parameter": "EY0C",
+        "unit": "mm",
+        "size": 0.004,
+        "std": 3e-4,
+        "rate_per_day": 0.002,
+        "id": "x",
+    }
+    alarm = parts | {"since": "2026-11-12", "night": "2026-11-14", "sigmas": 8.0, "text": say("changed.unknown"), "instead": []}
+    alarm |= {
+        "on_part": "",
+        "on_part_um": 8.0,
+        "owner": None,
+        "decision": None,
+        "now": "",
+        "total": None,
+        "utc": "",
+        "steady": True,
+    }
+    words = {"kelvin": "2.1", "sensor": "bed", "now": "21.5", "night": "2026-11-12", "then": "19.4", "follows": ""}
+    warm = say("night.sensors.warmer_do", do=say("night.drift_do", name="EY0C"), **words)
+    plain = say("cause.axis_location.do")
+    gone = say("night.alarms.gone_again_left", told="-0.1 µm")
+
+    def lines(**more: Any) -> int:
+        record = {
+            "format": "tango-night/1",
+            "machine": "M",
+            "cell": ".",
+            "night": "2026-11-20",
+            "kind": "check",
+            "status": "complete",
+        }
+        record |= {"verdict": "changed", "alarms": [], "standing": [alarm | more], "preflight": [], "limits": [], "headline": "x"}
+        record |= {
+            "parameters": {},
+            "touches": 1,
+            "planned": 1,
+            "machine_time_s": 1.0,
+            "artefacts": {"folder": "x"},
+            "start_utc": "",
+            "why": "",
+            "folder": "",
+        }
+        return " ".join(message(record, (), ())[1].split()).count("Enter no new location")
+
+    assert lines(do=warm) == 1 and lines(do=plain) == 1 and lines(do=plain, now=gone) == 0
+
+
+def test_a_compensation_keeps_its_date_where_the_night_of_an_alarm_is_dated() -> None:
+    """Written on the morning after the night before: its date became 'the night ending' a day later."""
+    text = say(
+        "changed.after_compensation_given", text=say("changed.drift", moved="x", rate="y"), number=1, target="s", date="2026-11-21"
+    )
+    assert "on 2026-11-21" in instead(text, "2026-11-21", "the night ending 2026-11-22")

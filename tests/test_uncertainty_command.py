@@ -149,5 +149,5 @@ def test_values_that_are_not_those_of_the_estimate_are_said(cell: Path, tmp_path
     world.write_text(world.read_text(encoding="utf-8").replace("effects: []", drift), encoding="utf-8")
     assert call("simulate", "-C", folder) == 0
     said = run("uncertainty", "-C", folder, "--trials", 1000)
-    assert "'tango estimate' lets them count by how the machine wandered, and shows other values: E" in said
+    assert f"'tango estimate -C {folder}' lets them count by how the machine wandered, and shows other values: E" in said
     assert "shows other values" not in run("uncertainty", "-C", cell, "--trials", 1000)

@@ -1,5 +1,6 @@
 """Everything that every night found, append-only, in SQLite or PostgreSQL: docs/nightly.md."""
 
+from ._answers import UnreadableError
 from ._database import shown
 from .compensated import add_compensations, compensations
 from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend
@@ -16,6 +17,7 @@ __all__ = [
     "Standing",
     "Stored",
     "Trend",
+    "UnreadableError",
     "add_compensations",
     "compensations",
     "opened",

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Dialect, Engine, Float, Integer, LargeBinary, Row, Select, String
 
+from ..records import LinkError
+
 PLAIN = (Integer, Float, String, LargeBinary)  # kinds of columns that both drivers answer as they are
 
 
@@ -26,6 +28,14 @@ class _Text(NamedTuple):
     order: tuple[str, ...] | None
     own: Mapping[str, Any]
     row: Any
+
+
+class UnreadableError(LinkError):
+    """A history that was open does not answer any more. `engine`: its connections, by which it is known which one that was."""
+
+    def __init__(self, message: str, engine: object) -> None:
+        super().__init__(f"history: {message}")
+        self.engine = engine
 
 
 def answers(engine: Engine, wanted: Select[Any], given: Mapping[str, Any] | None) -> list[Row[Any]]:

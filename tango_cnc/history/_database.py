@@ -18,6 +18,7 @@ from ..files.environment import filled
 from ..records import InputError, LinkError
 
 HEAD = "0003"
+SILENT = 10  # s in which a server has to answer
 WAIT = 30  # s that a writer waits for another one
 ALLOWED = "the name of an SQLite file, or postgresql://user:${NAME}@host/database, NAME of a variable of the environment"
 REFUSED = ("authentication", "password", "role ")  # in what PostgreSQL says when it is the user who is wrong
@@ -41,7 +42,7 @@ def connect(where: str | Path, create: bool = True) -> Engine:
     if fixed and file is not None:
         url = _read_only(url, file)
     try:
-        engine = create_engine(url, **({"connect_args": {"timeout": WAIT}} if file or "sqlite" in url.drivername else {}))
+        engine = create_engine(url, **_how(url))
     except (NoSuchModuleError, ModuleNotFoundError) as error:
         raise InputError(f"history: no driver for {url.drivername} ({error}); pip install 'tango-cnc[postgres]'") from None
     if url.get_backend_name() == "sqlite":
@@ -60,6 +61,16 @@ def connect(where: str | Path, create: bool = True) -> Engine:
             raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
         raise
     return engine
+
+
+def _how(url: URL) -> dict[str, Any]:
+    """URL of a database → how it is connected to: nobody waits for minutes for a server that does not answer, and a connection that
+    a restart of it has ended is made anew.
+    """
+    if url.get_backend_name() == "sqlite":
+        return {"connect_args": {"timeout": WAIT}}
+    stated = "connect_timeout" in url.query or "PGCONNECT_TIMEOUT" in os.environ
+    return {"pool_pre_ping": True} | ({} if stated else {"connect_args": {"connect_timeout": SILENT}})
 
 
 def _look_at(error: OperationalError) -> str:

@@ -28,7 +28,7 @@ from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
-from ._answers import answers
+from ._answers import UnreadableError, answers
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
 from .answers import of_machine
@@ -401,7 +401,7 @@ class History:
         try:
             found = answers(self.engine, wanted, given)
         except (DBAPIError, UnicodeDecodeError) as error:
-            raise LinkError(f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}") from None
+            raise UnreadableError(f"it cannot be read ({first_line(error)}); {self._look_at(error)}", self.engine) from None
         _whole.rows(wanted, found)
         return found
 

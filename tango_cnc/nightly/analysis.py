@@ -57,6 +57,7 @@ from .sensors import counted, how_warm, see_to_it_first, speaks, states
 from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
+from .swings import as_swing, without_swing
 from .trend import drift, looking_ahead, slopes
 from .warmth import as_warm_as, unknown, with_warmth
 from .within import as_json, moved_within
@@ -135,7 +136,8 @@ class Nights(BeforeNight):
         heard = replace(heard, alarms=self._dated(past, day, kind, u, place, heard.alarms))
         heard = self._with_others(past, day, kind, u, place, judged.believed, heard)
         moving = as_alarmed(self.known, place.moving, heard.waiting, u.recent, u.after)
-        if moving is not None:
+        moving = without_swing(moving, u.recent, self._tonight(u, place, judged.believed))
+        if moving is not None and not moving.swings:
             for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
                 place.parameters[name]["rate_per_day"] = moving.rate_per_day
             heard = self._drifted(past, day, u, place, moving, last, heard)
@@ -283,14 +285,17 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
-        now = (
-            parts.mean(u.warmth)
-            if trusted and not told_of_sensors(u.sensors, self.settings.sensor, date_of(day)).get("doubt")
-            else None
-        )
+        now = None if (tonight := self._tonight(u, place, trusted)) is None else tonight[1]
         waiting, silent = as_warm_as(waiting, now), as_warm_as(silent, now)
+        waiting = [as_swing(a, u.recent, tonight) for a in waiting]
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
+
+    def _tonight(self, u: Update, place: Place, trusted: bool) -> tuple[float, float, Mapping[str, Any]] | None:
+        """→ day, °C that count, and parameters of tonight; None where the night or its temperature is not believed."""
+        doubt = told_of_sensors(u.sensors, self.settings.sensor, date_of(u.after.day)).get("doubt")
+        now = parts.mean(u.warmth)
+        return None if not trusted or doubt or now is None else (u.after.day, now, place.parameters)
 
     def _drifted(self, past: Past, day: float, u: Update, place: Place, moving: Drift, last: Since, heard: Heard) -> Heard:
         """a drift, alarms → the drift is one of them where it is certain and none of those that wait goes on with it."""

@@ -13,6 +13,7 @@ from ..report.texts import texts
 from ..report.tonight import WARMED
 from ..state import State
 from ..state.effect import alike
+from ..texts import say
 from .alarms import Known, effect_of, others
 from .control import reached
 from .course import (
@@ -52,6 +53,7 @@ class Drift:
     alarms: bool = True  # where it is sure enough; false: a sentence, however sure
     limit: str = ""  # what reaches its limit if it goes on so
     nights: float | None = None  # in how many days that is
+    swings: tuple[str, int] | None = None  # how it swings with the temperature (µm/K), over how many nights (nightly/swings.py)
     alike: Mapping[str, float] = field(default_factory=dict)  # locations that no touch tells from it, by how much for 1 of it
 
     @property
@@ -62,6 +64,8 @@ class Drift:
             moved = texts()("changed.scales", size=size, since=self.since)
         else:
             moved = changed(self.parameter, size, self.since, self.alike, sizes_of(self.alike, self.size, self.std))
+        if self.swings:
+            return say("night.sensors.swings", text=moved, name=self.parameter, rate=self.swings[0], count=self.swings[1])
         if not self.steady:
             return moved
         moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))

@@ -281,13 +281,18 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
         t("mail.do", text=without_full(do, cause, record, t) if night else do),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
-    said = own and cause["do"].key == "night.drift_do"
+    said = _says(cause["do"], "night.drift_do") or is_over(cause)
     if steady and of_machine and not said and not cause.get("stands"):
         lines.append(t("mail.no_location"))
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
+
+
+def _says(do: Any, key: str) -> bool:
+    """what to do, key of a sentence → whether that is it, or within it."""
+    return isinstance(do, Said) and (do.key == key or any(_says(x, key) for x in do.values.values()))
 
 
 def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:

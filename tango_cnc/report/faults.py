@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..history import History
 
 
+SWINGS = ("text", "do", "on_part", "on_part_um", "rate_per_day", "steady", "confirmed", "instead")  # of one with the temperature
 LATELY = 60  # nights among which one that has measured a repair is looked for
 BELIEVED = ("good", "changed", "out_of_limits")  # verdicts of nights that have measured the machine
 
@@ -171,7 +172,8 @@ def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known:
     if stands is None:
         return dict(a)
     now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed", "ended")}
-    return in_the_past({**a, **now, "confirmed": _confirmed(stands, known)})
+    swings = {key: stands.get(key) for key in SWINGS} if stands.get("swing") else {}
+    return in_the_past({**a, **now, "confirmed": _confirmed(stands, known), **swings})
 
 
 def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..state.changes import change
 from ..texts import LIST, Said, joined, say
 from ..texts.number import number, shown
 from .texts import texts
@@ -37,6 +36,8 @@ def is_gone(now: str) -> bool:
 
 def in_the_past(a: dict[str, Any]) -> dict[str, Any]:
     """alarm of another night → the same; touches that no longer scatter did so then."""
+    from ..state.changes import change  # a list of nights needs nothing that they compute with
+
     text = a.get("text")
     if (
         not change(a.get("cause")).scatters

@@ -92,11 +92,12 @@ def unstopped(text: str) -> str:
 def instead(text: str, old: str, new: str) -> str:
     """text, a value that was filled in, another → the text with that; of a text without a key, what follows the word since.
 
-    A `night` stays: tonight is compared with it, and the change may have another date. So does the `date` of what an `owner` did.
+    A `night` stays: tonight is compared with it, and the change may have another date. So does the `date` of what an `owner` did,
+    and of a compensation for a `target`.
     """
     if not isinstance(text, Said):
         return text.replace(f"since {old}", f"since {new}")
-    own = ("night", "date") if "owner" in text.values else ("night",)
+    own = ("night", "date") if "owner" in text.values or "target" in text.values else ("night",)
     told = {name: v for name, v in text.values.items() if isinstance(v, str) and not isinstance(v, Number) and name not in own}
     return text.but(**{name: new if v == old else instead(v, old, new) for name, v in told.items()})
 

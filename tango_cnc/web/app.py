@@ -27,6 +27,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
+from ..history import UnreadableError
 from ..records import TangoError
 from ..report.alarm import sentence, since_told
 from ..report.answer import dates_cut_off, is_cut_off, is_unsent
@@ -45,6 +46,7 @@ from .users import SignIn, SignIns, UsersFile
 
 PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
 LARGE = 50_000  # bytes from which a page is compressed: the list of 200 machines has 15 times that
+MOST_OFF = 20  # histories that may go away while one page is made
 LOG = logging.getLogger("tango.serve")
 
 
@@ -167,19 +169,26 @@ def counted(route: Route) -> Route:
 
 
 def _answered(call: Callable[[Request], Response], request: Request) -> Response:
-    try:
-        return call(request)
-    except HTTPException:
-        raise
-    except Exception as error:
-        return _failed(request, error)
+    for _ in range(MOST_OFF):
+        try:
+            return call(request)
+        except HTTPException:
+            raise
+        except UnreadableError as error:  # its machines are named; it hides no other one
+            if request.method == "POST" or not state_of(request).places.is_off(error):
+                return _failed(request, error)
+            LOG.warning("%s: %s", request.url.path, error)
+        except Exception as error:
+            return _failed(request, error)
+    return page(request, "told.html", 503, said=state_of(request).texts("web.failed"))
 
 
 def _failed(request: Request, error: Exception) -> Response:
     """request, what a page has raised → a page that says so."""
     if isinstance(error, TangoError):
         LOG.warning("%s: %s", request.url.path, error)
-        return page(request, "told.html", 503, said=str(error))
+        known = state_of(request).texts("web.unread_all", why=str(error)) if isinstance(error, UnreadableError) else str(error)
+        return page(request, "told.html", 503, said=known)
     LOG.error("%s", request.url.path, exc_info=error)
     return page(request, "told.html", 500, said=state_of(request).texts("web.failed"))
 

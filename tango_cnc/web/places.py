@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import zlib
@@ -15,7 +16,7 @@ from typing import Any
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..history import History, Night, Standing, opened
+from ..history import History, Night, Standing, UnreadableError, opened
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
@@ -33,6 +34,7 @@ from .settings import Settings
 LOOKED = 1.0  # s that the files of a cell are not looked at again
 FEW = 20  # machines whose nights are read one by one where only theirs have changed
 CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
+AWAY = 15.0  # s that a history that does not answer is not asked again
 STRIP = 30  # nights of the strip beside a machine
 
 
@@ -49,6 +51,8 @@ class Places(Remembered):
         self._nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = {}  # by history: entries, nights
         self._unsure: dict[int, dict[int, bool]] = {}  # by history and entry: whether nobody knows if it is within a limit
         self._cells: dict[Path, tuple[float, Stamp, Cell | str]] = {}
+        self._off: dict[str, tuple[float, str, object]] = {}  # histories that do not answer: until when, why, their file
+        self._listed: tuple[str, ...] = ()  # machines of the history of all, when it was last read
         self._newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = {}  # by history: newest records
         self._nightlies: dict[Path, tuple[float, Nightly | TangoError]] = {}
 
@@ -87,19 +91,23 @@ class Places(Remembered):
             return cells
 
     def _machines(self) -> dict[str, Served]:
-        shared = self._history(self.settings.history) if self.settings.history else None
+        where = self.settings.history
+        shared, off = self._reached(where) if where else (None, "")
         found: dict[str, Served] = {}
         for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
-            own, why = (shared, "") if shared is not None else self._of_cell(folder)
+            own, why = (shared, off) if where else self._of_cell(folder)
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
-            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else why)
+            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else why, bool(why))
         if shared is not None:
-            for name in shared.machines():
-                found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared))
+            self._listed = shared.machines()
+        for name in self._listed:
+            found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, off, bool(off)))
+        if off and not found:
+            raise UnreadableError(off.removeprefix("history: "), None)
         return self._with_former(found)
 
     def _with_former(self, found: dict[str, Served]) -> dict[str, Served]:
@@ -217,10 +225,35 @@ class Places(Remembered):
             settings = self.nightly(folder)
         except TangoError:  # the night itself tells what is wrong with the file
             settings = Nightly()
+        return self._reached(str(history_of(folder, settings)), must=False)
+
+    def _reached(self, where: str, must: bool = True) -> tuple[History | None, str]:
+        """file or URL of a history, whether it has to be there → the history where it answers, None where there is none; why it
+        does not answer, else ''. One history that cannot be read hides no other machine, and is not asked again at every look.
+        """
+        until, why, file = self._off.get(where, (-math.inf, "", None))
+        if self.clock() < until and file == _look(where):
+            return None, why
         try:
-            return self._history(str(history_of(folder, settings)), must=False), ""
-        except TangoError as error:  # one history that cannot be read hides no other machine
+            history = self._history(where, must)
+            if history is not None and "://" in where:
+                history.machines()  # a server that was open may have been switched off
+        except TangoError as error:
+            self._off[where] = self.clock() + AWAY, str(error), _look(where)
             return None, str(error)
+        self._off.pop(where, None)
+        return history, ""
+
+    def is_off(self, error: UnreadableError) -> bool:
+        """what was raised while a page was made → whether one of the histories has just gone away: the next look at the machines
+        goes on without it.
+        """
+        where = next((w for w, h in self._histories.items() if h.engine is error.engine), "")
+        if not where:
+            return False
+        self._off[where] = self.clock() + AWAY, str(error), _look(where)
+        self.forget(self._histories[where])
+        return True
 
     def _history(self, where: str, must: bool = True) -> History | None:
         known, file = self._histories.get(where), file_of(where)
@@ -320,6 +353,11 @@ class Places(Remembered):
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
+
+
+def _look(where: str) -> object:
+    """file or URL of a history → what differs once another file is there; None of a URL."""
+    return None if "://" in where else (file_of(where), looks_of(where), looks_of(f"{where}-wal"))
 
 
 def sign_of(night: Night, unsure: Container[int]) -> str:

@@ -21,6 +21,7 @@ class Served:
     folder: Path | None
     history: History | None
     trouble: str = ""  # why its cell cannot be read
+    unread: bool = False  # whether it is its history that cannot be read, so that nothing is known of its nights
     former: tuple[str, ...] = ()  # nights cut off, what its cell has under other names, or dated in the future, as sentences
 
 

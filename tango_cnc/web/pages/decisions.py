@@ -13,8 +13,8 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
-from ...history import ACTIONS, Decision
-from ...records import InputError
+from ...history import ACTIONS, Decision, UnreadableError
+from ...records import InputError, LinkError, TangoError
 from ...report.alarm import decided, sentence, with_its_date
 from ...report.answer import is_moving, measuring
 from ...report.days import at, day
@@ -76,6 +76,11 @@ def _read(state: PagesState) -> dict[str, Any]:
     made = bool(waiting) and all(c["simulated"] for c in waiting)
     alone = [one for row in state.places.fleet() if (one := _without_alarm(row, state)) is not None]
     return {
+        "unread": [
+            {"machine": row.machine, "call": to_ask(asked_of(row, state), (), state.texts)}
+            for row in state.places.fleet()
+            if row.machine.unread
+        ],
         "newer": [one for one in alone if one["machine"].slug not in waits],
         "waiting": waiting,
         "simulated": made,
@@ -189,7 +194,7 @@ def decide(request: Request) -> Response:
     action = form.get("action", "")
     try:
         if found.history is None:
-            raise InputError("this machine has no history")
+            raise LinkError(found.trouble) if found.unread else InputError("this machine has no history")
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
         today = datetime.now().astimezone().strftime("%Y-%m-%d")
@@ -204,13 +209,26 @@ def decide(request: Request) -> Response:
             for alarm in unknown[:1] or alarms:  # an unknown one is refused before any other is decided
                 decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
                 found.history.decide(found.name, decision)
-    except InputError as error:
+    except TangoError as error:
+        if isinstance(error, UnreadableError):
+            state.places.is_off(error)
         state.places.forget(found.history)  # the page shows what is so now
-        values = _values(request)
-        said = _not_recorded(values, found.slug, form.get("alarm", ""), str(error), state)
-        return page(request, "decisions.html", 400, said=said, told="", typed=form, **values)
+        values, lost = _values(request), isinstance(error, LinkError)
+        why = _typed_in(action, owner, until, note, error, state) if lost else str(error)
+        said = _not_recorded(values, found.slug, form.get("alarm", ""), why, state)
+        return page(request, "decisions.html", 503 if lost else 400, said=said, told="", typed=form, **values)
     state.places.forget(found.history)
     return RedirectResponse(f"/alarms?recorded={action}" + (f"&until={until}" if action == "ignore" else ""), 303)
+
+
+def _typed_in(action: str, owner: str, until: str | None, note: str, error: TangoError, state: PagesState) -> str:
+    """decision, who takes it, date or None, remark, why the history did not take it, state → what to do, with what was typed: the
+    form may not come again before the history can be read.
+    """
+    t = state.texts
+    done = t(f"decision.{action}") if action in ACTIONS else ""
+    typed = [done, owner, *([t("morning.has_until", date=day(until, t))] if until else []), *([f"“{note}”"] if note else [])]
+    return t("decision.unread_again", typed=", ".join(x for x in typed if x), why=str(error))
 
 
 def _incomplete(action: str, until: str | None, today: str) -> str:

@@ -47,7 +47,7 @@ from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
 from .report import file_of_cell
 
 NAMED = 3  # machines that are late, by their names
-GROUPS = {"no": 1, "unknown": 2, "but": 3, "wait": 4, "yes": 5, "none": 6}  # in this order; 0: one that may still move
+GROUPS = {"no": 1, "unread": 2, "unknown": 3, "but": 4, "wait": 5, "yes": 6, "none": 7}  # in this order; 0: one that may still move
 ANSWERS = ("yes", "but", "no", "not_yet", "unknown", "measuring")  # each is counted by its own word
 T = TypeVar("T")
 
@@ -142,7 +142,16 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
         "strip": _strip(row, state),
+        "todo": "",  # of one whose history cannot be read
+        **(_unread(row, state) if row.machine.unread and not moving and not busy else {}),
     }
+
+
+def _unread(row: Row, state: PagesState) -> dict[str, Any]:
+    """row of one whose history cannot be read, state → what the list says of it: that nobody knows, what to do and whom to call."""
+    t = state.texts
+    call = to_ask(asked_of(row, state), (), t)
+    return {"group": "unread", "brief": ("", ""), "word": t("may.unread"), "call": call, "todo": t("web.unread_do")}
 
 
 def _answered(told: Answer, busy: str, t: Texts) -> dict[str, str]:

@@ -82,6 +82,7 @@ def _lines(request: Request) -> Iterator[str]:
         return None if found is None or newer(row) is None else found.tip_um
 
     own = (
+        ("readable", lambda row: float(not row.machine.unread)),
         ("alarms_open", lambda row: waiting(row, False)),
         ("alarms_unanswered", lambda row: waiting(row, True)),
         ("late", _late),

@@ -236,6 +236,8 @@ def ran_of(state: PagesState, machine: Served) -> str:
 def unmeasured(ran: str, busy: str, machine: Served, state: PagesState) -> str:
     """complete run or '', minutes left or '', machine, state → what is known of a machine that no night has measured."""
     t = state.texts
+    if machine.unread:
+        return t("may.unread")
     if busy:
         return t("may.another_run", date=ran) if ran else t("may.first_run")
     if not ran:

@@ -1,0 +1,114 @@
+"""A history that cannot be read: its machine is named so, with whom to ask and what to do, and hides no other one."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from support import postgres
+from support.nights import into, knock, night
+from support.server import PASSWORD, cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.history import opened
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import add_user
+
+HOST = "http://127.0.0.1"
+GOOD, BAD = "Elm", "Ash"
+
+
+def site_of(*cells: Path, users: Path | None = None) -> TestClient:
+    return TestClient(create(Settings(cells, users=users)), base_url=HOST, client=("127.0.0.1", 5000))
+
+
+def hit(name: str) -> list[dict[str, object]]:
+    return [night(name, 0), night(name, 1, "changed", alarms=[knock("2026-10-25") | {"id": f"{name}-1"}])]
+
+
+def asks(place: Path, more: str = "") -> Path:
+    """folder → the same cell, whose alarms are asked of Ann."""
+    file = place / "nightly.yaml"
+    file.write_text(f"{file.read_text(encoding='utf-8')}owner: Ann Meier, 4711\n{more}", encoding="utf-8")
+    return place
+
+
+def looked_at(site: TestClient) -> None:
+    """Every page of a server, one of whose histories cannot be read."""
+    listed = " ".join(site.get("/").text.split())
+    assert "Nobody knows: the history of these cannot be read" in listed and f'href="/machine/{GOOD}"' in listed
+    part = listed[listed.index(f'href="/machine/{BAD}"') :]
+    assert "Ann Meier, 4711" in part and "Have the database with the history looked at" in part
+    assert listed.count("it cannot be read (") + listed.count("connection failed") <= 1
+    alarms = site.get("/alarms").text
+    assert "Its alarms are not known: its history cannot be read." in alarms and "Ann Meier, 4711" in alarms
+    assert "No alarm is open" not in alarms and "Nothing was decided yet" not in alarms
+    assert f'id="{GOOD}"' in alarms
+    numbers = site.get("/metrics").text
+    assert f'tango_machine_readable{{machine="{BAD}"}} 0' in numbers and f'tango_machine_readable{{machine="{GOOD}"}} 1' in numbers
+    assert f'tango_machine_alarms_open{{machine="{GOOD}"}} 1' in numbers
+    assert f'tango_machine_alarms_open{{machine="{BAD}"}}' not in numbers
+    for name, wanted in ((GOOD, "C axis"), (BAD, "The history of this machine cannot be read")):
+        for page in ("", "/nights", "/trend"):
+            answer = site.get(f"/machine/{name}{page}")
+            assert answer.status_code == 200, (name, page)
+            assert page or wanted in answer.text
+    assert "This machine was never measured" not in site.get(f"/machine/{BAD}").text
+
+
+def test_a_history_that_breaks_takes_no_page_of_another_machine(tmp_path: Path) -> None:
+    """Every page of every machine was 503."""
+    good, bad = asks(cell(tmp_path / "good", GOOD, hit(GOOD))), asks(cell(tmp_path / "bad", BAD, hit(BAD)))
+    with site_of(good, bad) as site:
+        assert site.get("/alarms").text.count('class="alarm-card') == 2
+        spoil(bad / "history.db")
+        looked_at(site)
+
+
+def test_a_decision_that_no_history_takes_says_so(tmp_path: Path) -> None:
+    """It was 503, and neither that it was not recorded nor what had been typed stood there."""
+    bad, users = asks(cell(tmp_path / "bad", BAD, hit(BAD))), tmp_path / "users"
+    add_user(users, "Olga", PASSWORD, "operate")
+    with site_of(bad, users=users) as site:
+        site.post("/sign-in", data={"user": "Olga", "password": PASSWORD})
+        page = site.get("/alarms").text
+        csrf = page.partition('name="csrf" value="')[2].partition('"')[0]
+        spoil(bad / "history.db")
+        form = {"csrf": csrf, "alarm": f"{BAD}-1", "seen": "0", "action": "acknowledge", "owner": "Bob", "note": "new clamp"}
+        for _ in range(2):  # while it is found, and once it is known
+            answer = site.post(f"/machine/{BAD}/decide", data=form)
+            assert answer.status_code == 503
+            assert "was not recorded: " in answer.text and "Send it again when the history can be read." in answer.text
+            assert "It was: acknowledged, Bob, “new clamp”." in answer.text
+
+
+@pytest.mark.long
+@pytest.mark.system("pg_lsclusters")
+@pytest.mark.parametrize("before", [True, False])
+def test_a_database_that_is_switched_off_takes_no_page_of_another_machine(tmp_path: Path, before: bool) -> None:
+    """A server that was started meanwhile said "No alarm is open" of two that were."""
+    good, bad = asks(cell(tmp_path / "good", GOOD, hit(GOOD))), cell(tmp_path / "bad", BAD, [])
+    with ExitStack() as server:
+        url = postgres.database(server.enter_context(postgres.server()))
+        with opened(url) as history:
+            into(history, hit(BAD))
+        asks(bad, f"history: {url}\n")
+        with site_of(good, bad) as site:
+            if before:
+                assert site.get("/alarms").text.count('class="alarm-card') == 2
+                server.close()
+                looked_at(site)
+        if not before:
+            server.close()
+            with site_of(good, bad) as site:
+                looked_at(site)
+
+
+def spoil(file: Path) -> None:
+    """Nothing in the file of a history can be read any more."""
+    with file.open("r+b") as open_file:
+        open_file.write(b"\xff" * file.stat().st_size)
