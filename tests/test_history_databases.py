@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from sqlalchemy import text
+from sqlalchemy import event, text
 from sqlalchemy.exc import DBAPIError
 from support import postgres
 from support.histories import EVENTS, knowledge, record
@@ -65,6 +65,27 @@ def test_a_password_of_the_database_is_in_the_environment(postgres_server: str, 
     monkeypatch.setenv("FLEET", "p@ss/w:o#rd")  # signs that part a URL
     with opened(place) as history:
         assert history.engine.url.password == "p@ss/w:o#rd"
+
+
+@pytest.mark.long
+@pytest.mark.system("pg_lsclusters")
+def test_a_server_that_stops_is_said_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    """A night in whose middle it was stopped wrote 25 lines of them beside its answer."""
+    psycopg = pytest.importorskip("psycopg")
+    with postgres.server() as server, opened(postgres.database(server)) as history:
+        history.add_night(record(1), None)
+        stop, over = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid()", list[bool]()
+
+        def stopped(*_: object) -> None:
+            if not over:
+                over.append(True)
+                with psycopg.connect(f"{server}/postgres", autocommit=True) as other:
+                    other.execute(stop)
+                time.sleep(0.5)
+
+        event.listen(history.engine, "checkout", stopped)  # between the look at a connection and the question
+        assert history.knows("M") and over
+    assert not [r.message for r in caplog.records if r.exc_info]
 
 
 @pytest.mark.long

@@ -252,3 +252,5 @@ def test_readings_that_the_history_keeps_from_being_judged_are_not_in_doubt(hist
     assert (found["verdict"], found["touches"], found["artefacts"]["readings"]) == ("not_measured", 0, "readings.csv")
     assert "19 touches were made and are kept, but nobody has judged them" in text and "database switched on" in text
     assert "stylus" not in text and "relied on" not in text
+    assert "nothing was measured" not in text and "what was measured is kept, and nobody has judged it" in text
+    assert "what to do: Have the database with the history looked at" in text and "Put it right" not in text

@@ -47,9 +47,14 @@ def answers(engine: Engine, wanted: Select[Any], given: Mapping[str, Any] | None
         driver: Any = engine.dialect.dbapi
         try:
             with closing(engine.raw_connection()) as connection:
-                cursor = connection.cursor()
-                cursor.execute(said.text, filled)  # one statement: by itself it reads the database as it is at one moment
-                return list(map(said.row, cursor.fetchall()))
+                try:
+                    cursor = connection.cursor()
+                    cursor.execute(said.text, filled)  # one statement: by itself it reads the database as it is at one moment
+                    return list(map(said.row, cursor.fetchall()))
+                except driver.OperationalError as error:  # one that is gone is not put back, which fails with a traceback
+                    if engine.dialect.is_disconnect(error, connection.dbapi_connection, None):
+                        connection.invalidate(error)
+                    raise
         except (driver.Error, UnicodeDecodeError):
             pass  # asked once more below, where what is wrong is said as everywhere else
     with engine.connect() as connection:

@@ -210,7 +210,7 @@ def _measured(record: Mapping[str, Any], newest: tuple[int, str] | None, t: Text
     """record, entries of the history and hash of the last, texts → what was measured, and where it is kept."""
     lines = []
     if record["kind"] == "none":
-        lines.append(t("mail.nothing_measured"))
+        lines.append(t("mail.not_judged" if _is_unjudged(record) else "mail.nothing_measured"))
     else:
         minutes, counts = f"{record['machine_time_s'] / 60:.0f}", {"touches": record["touches"], "planned": record["planned"]}
         lines.append(t("mail.measured", kind=code(record["kind"]), minutes=minutes, **counts))
@@ -218,7 +218,7 @@ def _measured(record: Mapping[str, Any], newest: tuple[int, str] | None, t: Text
     old = next((p["found"] for p in record["preflight"] if p["check"] == "import"), None)
     if old is not None:
         lines.append(t("mail.cell_imported", cell=record["cell"], found=old))
-    elif kept and record["touches"]:
+    elif kept and (record["touches"] or _is_unjudged(record)):
         lines.append(t("mail.cell_files", cell=record["cell"], folder=kept))
     else:
         lines.append(t("mail.cell", cell=record["cell"]))
@@ -364,11 +364,18 @@ def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[
         do, part = t("mail.do", text=t("night.refused_do")), t("mail.on_part", text=t("night.refused_part"))
         return [f"* {do}", f"* {part}", f"* {whose}"]
     key = "night.moved_do" if record.get("moved") else "night.unmeasured_do"  # it was at work: the control knows more
-    do = "" if any(p["do"] for p in failed) else t("mail.do", text=t(key, cell=record["cell"]))
+    usual = t("night.night.see_to_history") if _is_unjudged(record) else t(key, cell=record["cell"])
+    do = "" if any(p["do"] for p in failed) else t("mail.do", text=usual)
     last = record.get("last_measured")
     never = t("night.unmeasured_unknown" if record.get("unread") else "night.unmeasured_never")
     known = t("night.unmeasured_part", date=last) if last else never
     return [*([f"* {do}"] if do else []), f"* {t('mail.on_part', text=known)}", f"* {whose}"]
+
+
+def _is_unjudged(record: Mapping[str, Any]) -> bool:
+    """record → whether its touches were made and are kept, and the history kept the night from judging them."""
+    why = record.get("why")
+    return isinstance(why, Said) and why.key == "night.night.not_judged"
 
 
 def _sentence(text: str) -> str:
