@@ -6,7 +6,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Without bytecode every worker compiles all tests anew (8 s each), and every process that a test starts all of tango.
 unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
-SHARED := $(BIN)/python -m pytest -n 3 --dist loadgroup -vv --durations=25 --timeout 1800
+SHARED := $(BIN)/python -m pytest -n 4 --dist loadgroup -vv --durations=25 --timeout 1800
 
 .PHONY: demo test check-long check compiled campaign campaign-link campaign-net campaign-gateway campaign-readers campaign-nights-disk mutants blind design-table nights lint format clean planted
 
@@ -17,7 +17,7 @@ demo: .venv/base.stamp
 test: .venv/test.stamp
 	$(BIN)/python -m pytest -n $$(n=$$(getconf _NPROCESSORS_ONLN); [ $$n -lt 4 ] && echo $$((n + 1)) || echo 4) --dist worksteal
 
-# Three at a time: one of them waits, for the real control, which a fourth starves, and then for networks; two compute
+# Four at a time: one of them waits, for the real control first and then for networks, and three compute
 # (tests/support/shares.py). What hangs is named after half an hour instead of holding up everything.
 check-long: .venv/test.stamp
 	$(SHARED) -m 'long and not campaign'

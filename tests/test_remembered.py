@@ -63,6 +63,9 @@ def test_a_simulated_machine_that_is_known_reads_and_meets_the_same(monkeypatch:
     monkeypatch.setattr(rigs, "anew", True)
     assert records() == first == again and first.count(b" H1 ") == len(made.touches)
     assert np.array_equal(readings(world), known)
+    monkeypatch.setattr(rigs, "anew", False)
+    readings(world)[:] = 0.0
+    assert np.array_equal(readings(world), known), "readings that somebody else changes"
     assert not np.array_equal(readings(World(seed=4)), known)
 
 

@@ -1,4 +1,5 @@
 """What a move meets on a simulated machine is not looked for again: hundreds of tests let the same programs move on the same one.
+Nor is a run simulated again: half of all simulated nights are quiet ones that another test of the same file had, too.
 
 Whoever tests the simulated machine itself (`test_sim_motion.py` and the others of `ANEW`) has it look every time.
 """
@@ -7,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 from collections import OrderedDict
+from hashlib import sha256
 from importlib import import_module
 from typing import Any
 
@@ -22,6 +24,8 @@ MOVES = 4000  # of one rig
 ANEW = ("test_sim_motion", "test_sim_shank", "test_sim_world", "test_sim_effects", "test_sim_simulate", "test_kinematics")
 MADE: OrderedDict[tuple[Any, ...], tuple[Rig, Machine, Artefact]] = OrderedDict()
 CYCLES: OrderedDict[tuple[int, int, int], tuple[Any, Any]] = OrderedDict()
+RUNS: OrderedDict[bytes, bytes] = OrderedDict()  # digest of all that a run depends on → its readings
+READ = 400  # runs, some 50 kB each
 MET: dict[int, dict[tuple[bytes | float, ...], Any]] = {}  # of the rigs in MADE, by `id`
 _rig, _meets = probing.rig, Motion._meets
 anew = False  # whether the test that is executed wants everything looked for
@@ -71,10 +75,26 @@ def _planned(machine: Machine, artefact: Artefact, strategy: Strategy) -> Any:
     return CYCLES[key][0]
 
 
+def _run(
+    machine: Machine, artefact: Artefact, strategy: Strategy, world: World, *more: Any, control: Any = None, **other: Any
+) -> Any:
+    """As `simulate`, which depends on its arguments alone. Everybody has readings of his own, which he may change."""
+    if anew or control is not None or len(more) > 4:
+        return _simulate(machine, artefact, strategy, world, *more, control=control, **other)
+    key = sha256(pickle.dumps((machine, artefact, strategy, world, more, sorted(other.items())))).digest()
+    if key not in RUNS:
+        RUNS[key] = pickle.dumps(_simulate(machine, artefact, strategy, world, *more, **other))
+    RUNS.move_to_end(key)
+    while len(RUNS) > READ:
+        RUNS.popitem(last=False)
+    return pickle.loads(RUNS[key])
+
+
 probing.rig, Motion._meets = _remembered, _known  # type: ignore[method-assign]
 # Read after that, so that it has the rigs from here, too.
 _simulated = import_module("sim_controller.simulate")
 _commanded, _simulated._commanded = _simulated._commanded, _planned  # type: ignore[attr-defined]
+_simulate, _simulated.simulate = _simulated.simulate, _run  # type: ignore[attr-defined]
 
 
 @pytest.hookimpl(tryfirst=True)
