@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner, Result
 from support.closing import SETTINGS
 from support.compensated import ROOT, example, text, truth, write
@@ -337,3 +338,21 @@ def test_steps_of_kinematics_alone_say_what_to_look_at_by_hand(tmp_path: Path) -
         assert json.loads(asked.stdout)["verdict"] == word
     refused = run("compensate", "-C", cell, "--measured", 1, "--turned", "B=90:X=0,Z=0")
     assert "allowed: a rotary axis of the table (C)" in str(refused.exception)
+
+
+@pytest.mark.few(0)
+def test_the_folder_of_a_short_check_asks_for_a_finger_where_its_cell_proves_the_probe_by_a_facet(tmp_path: Path) -> None:
+    """The printed run was refused: no run in that folder had proven the facet."""
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    file = cell / "tango.yaml"
+    stated = yaml.safe_load(file.read_text())
+    stated["controller"] = {"post": "fanuc", "probe_state": 1004, "gate": "facet"}
+    file.write_text(yaml.safe_dump(stated))
+    assert run("simulate", "-C", cell).exit_code == 0
+    assert run("compensate", "-C", cell, "--target", "fanuc", "--simulated").exit_code == 0
+    shown = run("compensate", "-C", cell, "--short-check", 1, "--tcp", "--minutes", 4)
+    assert shown.exit_code == 0, shown.output
+    assert yaml.safe_load((cell / "compensations" / "check-001" / "tango.yaml").read_text())["controller"]["gate"] == "finger"
+    assert yaml.safe_load(file.read_text())["controller"]["gate"] == "facet"
+    assert "asks for a finger at the stylus" in " ".join(shown.output.split())

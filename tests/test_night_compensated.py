@@ -25,9 +25,10 @@ from tango_cnc.nightly.control import Given
 from tango_cnc.nightly.ports import Measured
 from tango_cnc.plan import plan
 from tango_cnc.report.charts import tip
-from tango_cnc.report.compensated import begins, marked
-from tango_cnc.report.course import jumps_of_tip
+from tango_cnc.report.compensated import as_loaded, begins, marked
+from tango_cnc.report.course import by_compensations, jumps_of_tip
 from tango_cnc.report.texts import texts
+from tango_cnc.texts import say
 
 
 def event(what: str, day: int, number: int = 1) -> Compensation:
@@ -40,9 +41,13 @@ def test_days_on_which_a_control_was_changed_are_marks_and_their_nights_jumps() 
     marks = marked(happened, texts())
     assert marks == {"2026-11-03": "comp. 1 written", "2026-11-05": "comp. 1 kept", "2026-11-09": "comp. 1 taken out"}
     nights = [f"2026-11-{d:02d}" for d in (1, 2, 4, 5, 6, 7)]  # none on the 3rd, and none after the 9th
-    assert begins({k: v for k, v in marks.items() if k < "2026-11-08"}, nights) == {2, 3}
-    value = np.array([40.0, 40.2, 39.9, 12.0, 12.1, 11.9])
-    assert jumps_of_tip({}, range(6), value, 0.5, {2, 3}) == [(3, -27.9)]
+    starts = [f"{night}T02:00:00Z" for night in nights]  # that of the 5th has ended when it was kept at noon
+    assert begins(happened, starts) == {2, 4}
+    value = np.array([40.0, 40.2, 39.9, 40.0, 12.1, 11.9])
+    assert jumps_of_tip({}, range(6), value, 0.5, {2, 4}) == [(4, pytest.approx(-27.9))]
+    own = (1e-3 * value, np.full(6, 2e-4))
+    assert by_compensations({2, 4}, own) == [(4, pytest.approx(-27.9e-3))]
+    assert by_compensations({2, 4}, own, [(4, -0.5), (1, 0.2)]) == [(1, 0.2), (4, -0.5)]
     drawn = [(date.fromisoformat(n), float(v), "good") for n, v in zip(nights, value, strict=True)]
     chart = tip(drawn, 30.0, "µm", texts(), 425, 240, marks)
     assert "comp. 1 written" in chart and "comp. 1 kept" in chart and "taken out" not in chart
@@ -113,3 +118,14 @@ def drawn_of(history: Any, file: Path) -> str:
     pytest.importorskip("matplotlib")
     picture(history, "m", [history.trend("m", "EY0C")], file)
     return file.read_text(encoding="utf-8")
+
+
+def test_what_to_do_asks_no_more_for_what_was_done_after_the_night() -> None:
+    """Half an hour after 'tango compensate --measured 1' the page still asked for it."""
+    do = say("night.measure_first", number=1, target="siemens", event="written")
+    alarm = {"utc": "2026-11-04T02:00:00Z", "do": do, "cause": "axis_location", "parameter": "EY0C", "text": "x"}
+    written, seen_ = event("written", 3), event("kept as far as seen", 4)
+    assert as_loaded(alarm, [written])["do"] == do
+    later = as_loaded(alarm, [seen_, written])
+    assert "was measured and kept as far as seen on 2026-11-04" in later["do"] and "--measured" not in later["do"]
+    assert "--rolled-back 1" in as_loaded(alarm, [event("no help", 4), written])["do"]

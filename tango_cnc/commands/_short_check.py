@@ -42,7 +42,7 @@ from ..noise import honest
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, from_readings
 from . import _compensate
-from ._common import write_json
+from ._common import asks_for_a_finger, write_json
 from ._handed import pasted, printed
 from ._present import ended, rows, whose_is
 from ._trust import told
@@ -351,6 +351,8 @@ def _write(cell: Cell, found: Look, place: Path) -> None:
     for key in ("machine", "artefact"):
         shutil.copyfile(cell.folder / data[key], place / f"{key}.yaml")
     data |= {key: f"{key}.yaml" for key in ("machine", "artefact", "strategy")}
+    if data.get("controller"):  # a fresh folder: no run in it has proven a facet
+        data["controller"] = asks_for_a_finger(data["controller"])
     write_text(place / loop.CELL, dump(data))
     write_text(place / "strategy.yaml", strategy_text(found.cell.strategy))
     read_cell(place)
@@ -386,6 +388,8 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
         beyond = f" and {len(others) - 12} more" if others[12:] else ""
         numbers = ", ".join(str(found.numbers[i]) for i in sorted(others)[:12]) + beyond
         lines.append(f"touches {numbers} of the strategy would meet what it meets of the others: --rows makes them as well")
+    if (controller := read_cell(place).controller) is not None and controller.options.get("gate") == "finger":
+        lines.append("the program asks for a finger at the stylus before its first touch: be at the machine")
     return "\n".join(
         [
             *lines,

@@ -28,8 +28,8 @@ from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
 from ..report import later, newer, page, pdf, template, terminal
 from ..report.checks import verdict
-from ..report.compensated import marked, placed
-from ..report.course import by_repairs, drift_told, jumps_of
+from ..report.compensated import begins, marked, placed
+from ..report.course import by_compensations, by_repairs, drift_told, jumps_of
 from ..report.days import between, local_day
 from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
@@ -385,7 +385,8 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
             return None
         known = history.parameters(machine)
         alarms = {s.night.entry: s.record["alarms"] for s in history.alarmed(machine, NIGHTS)}
-        events = marked(happened(history, machine), t)
+        every = happened(history, machine)
+        events = marked(every, t)
         found = []
         for name in [n for n in names if n in known][:TRENDS]:
             past = history.trend(machine, name)
@@ -395,6 +396,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
                 continue
             factor, unit = shown(past.unit)
             back = by_repairs(alarms, history.decisions(machine), past.start_utc[-NIGHTS:], name, (value, std))
+            back = by_compensations(begins(every, past.start_utc[-NIGHTS:]), (value, std), back)
             first = date.fromisoformat(dates[0])
             days = [(date.fromisoformat(d) - first).days for d in dates]
             found.append(

@@ -59,9 +59,12 @@ def placed(marks: Mapping[str, str], first: date, last: date) -> list[tuple[floa
     return [(float((day - first).days), said) for day, said in days if first <= day <= last]
 
 
-def begins(marks: Mapping[str, str], nights: Sequence[str]) -> set[int]:
-    """{date: what happened}, dates of nights, oldest first → places of the first night after each."""
-    found = {next((i for i, night in enumerate(nights) if night >= day), 0) for day in marks}
+def begins(events: Sequence[Any], starts: Sequence[str]) -> set[int]:
+    """events of compensations, moments at which nights began (UTC), oldest first → places of the first night after each event from
+    which on nights find, or reckon with, another machine: a night of the same date may have ended before.
+    """
+    shown = [str(e.utc)[:19] for e in events if e.event in SHOWN]
+    found = {next((i for i, utc in enumerate(starts) if utc[:19] >= moment), 0) for moment in shown}
     return found - {0}
 
 
@@ -113,12 +116,23 @@ def as_loaded(alarm: Mapping[str, Any], events: Sequence[Any]) -> dict[str, Any]
     if own is not None:
         return _of_compensation(alarm, *own, there, events)
     moment = str(alarm.get("utc") or "")
+    if there is not None and _asked_then(alarm.get("do"), there):  # what that order asks for was done since
+        words = {"number": there.number, "target": there.target, "event": there.event, "date": local_day(there.utc)}
+        do = say("night.compensation_measured_do" if there.measured else order(there.event), **words)
+        return {**alarm, "do": do, "settled": False}
     if there is None or not moment or there.written[:19] < moment[:19] or not _enters(alarm.get("do")):
         return {**alarm, "settled": False}
     words = {"number": there.number, "target": there.target, "event": code(there.event), "date": local_day(there.utc)}
     do = say("night.compensation_since_do" if there.measured else order(there.event), **words)
     part = say("part.compensation_since", number=there.number, target=there.target, date=local_day(there.written))
     return {**alarm, "do": do, "on_part": part, "on_part_um": None, "confirmed": None, "settled": True}
+
+
+def _asked_then(do: Any, there: Holds) -> bool:
+    """what to do of a night, what the control holds → whether it is an order about that compensation, of before its last event."""
+    keys = [f"night.{key}" for key in (*ORDERS.values(), "measure_again")]
+    ours = isinstance(do, Said) and do.key in keys and str(do.values.get("number")) == str(there.number)
+    return ours and str(do.values.get("event")) != there.event
 
 
 def _of_compensation(

@@ -1,9 +1,9 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
-A jump is an alarm of a night, or what a repair of one has put back. A drift of an alarm has its words here, from the night before
-it on. What has moved since the last one counts from twice and a half what the two ends are known to, or what its steps from night
-to night make by chance. Where the last fortnight goes another way than all since then, the sentence is of the fortnight. No
-forecast reaches farther ahead than its nights reach back.
+A jump is an alarm of a night, what a repair of one has put back, or what a compensation has taken away. A drift of an alarm
+has its words here, from the night before it on. What has moved since the last one counts from twice and a half what the two
+ends are known to, or what its steps from night to night make by chance. Where the last fortnight goes another way than all
+since then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
@@ -64,6 +64,18 @@ def by_repairs(
         place = next((i for i, utc in enumerate(starts) if utc >= d.utc), 0)
         size = float(value[place] - value[place - 1])
         if place and abs(size) > SURE * float(np.hypot(std[place - 1], std[place])):
+            found[place] = size
+    return sorted(found.items())
+
+
+def by_compensations(places: Collection[int], known: Known, back: Collection[Jump] = ()) -> list[Jump]:
+    """places of the first nights with another compensation in the control, (n,) values and (n,) standard deviations of a parameter,
+    its other jumps that no alarm told → these and how far it went in each of those nights, where that shows.
+    """
+    (value, std), found = known, dict(back)
+    for place in places:
+        size = float(value[place] - value[place - 1])
+        if place not in found and abs(size) > SURE * float(np.hypot(std[place - 1], std[place])):
             found[place] = size
     return sorted(found.items())
 

@@ -308,7 +308,7 @@ def course_of_tip(request: Request, machine: Served) -> str:
     value = np.array([float(n.volume_um or 0.0) * k for n in known])
     first = date.fromisoformat(known[0].night)
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
-    anew = {*begins(events_of(state, machine), [n.night for n in known]), *_after_repairs(request, machine, known)}
+    anew = {*begins(happened_to(state, machine), [n.start_utc for n in known]), *_after_repairs(request, machine, known)}
     alarms, entries = alarms_by_entry(request, machine), [n.entry for n in known]
     jumps = jumps_of_tip(alarms, entries, value, std, anew)
     drift = drift_of_tip(alarms, entries, [n.night for n in known], value, std)

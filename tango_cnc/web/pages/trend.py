@@ -14,14 +14,26 @@ from starlette.routing import Route
 
 from ...history import Trend
 from ...report.charts import trend as drawn
-from ...report.compensated import placed
-from ...report.course import Jump, by_repairs, course, drift_told, jumps_of
+from ...report.compensated import begins, placed
+from ...report.course import Jump, by_compensations, by_repairs, course, drift_told, jumps_of
 from ...report.days import between
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..served import Served
-from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, of_believed, simulated, unclosed_of
+from .machine import (
+    LAST,
+    alarms_by_entry,
+    course_of_tip,
+    curves,
+    day_of,
+    events_of,
+    happened_to,
+    limits_of,
+    of_believed,
+    simulated,
+    unclosed_of,
+)
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -84,10 +96,12 @@ def trends(request: Request) -> Response:
 
 
 def _put_back(request: Request, machine: Served, series: Trend) -> list[Jump]:
-    """request, machine, a parameter by night → how far repairs of its alarms have moved it."""
+    """request, machine, a parameter by night → how far repairs of its alarms, and compensations, have moved it."""
     done = unclosed_of(request, machine)[1]
     marks = alarms_by_entry(request, machine)
-    return by_repairs(marks, done, series.start_utc, series.name, (series.value, series.std))
+    known = series.value, series.std
+    back = by_repairs(marks, done, series.start_utc, series.name, known)
+    return by_compensations(begins(happened_to(state_of(request), machine), series.start_utc), known, back)
 
 
 def _all(machine: Served) -> Mapping[str, Trend]:
