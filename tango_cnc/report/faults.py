@@ -20,7 +20,7 @@ from .days import day, local_day
 from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation, without_full
-from .texts import Texts
+from .texts import Texts, code
 from .together import SAME, closed, signed_of, together
 from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen
 from .units import Units, shown
@@ -351,7 +351,7 @@ def _whole_error(
     ):
         return {"whole": ""}
     if (newer := after(known, events)) is not None:
-        words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
+        words = {"number": newer.number, "target": newer.target, "event": code(newer.event), "date": day(local_day(newer.utc), t)}
         return {"whole": t("part.whole_since", **words)}
     there = known.get("in_control") or {}
     if there and not there["measured"]:
