@@ -35,7 +35,7 @@ def said(folder: Path, result: Estimate) -> str:
         return say("scales.not_stated", what=what, per_kelvin=f"{1e6 * USUAL.value:.1f}", other=other)
     thermal = read_thermal(file)
     own, cut = grows(thermal), thermal.bar.value - REFERENCE
-    other = ALUMINIUM * cut - 1e6 * own.value
+    left = ALUMINIUM * cut - 1e6 * own.value
     return say(
         "scales.stated",
         what=what,
@@ -43,10 +43,10 @@ def said(folder: Path, result: Estimate) -> str:
         growth=f"{abs(1e6 * own.value):.1f}",
         way=say("scales.farther" if own.value >= 0 else "scales.less_far"),
         long=say("scales.too_long" if own.value >= 0 else "scales.too_short"),
-        short=say("scales.too_short" if other >= 0 else "scales.too_long"),
+        short=say("scales.too_short" if left >= 0 else "scales.too_long"),
         sure=f"{2e6 * own.std:.1f}",
         expansion=f"{1e6 * thermal.bar_expansion.value:g}",
-        other=f"{abs(other):.1f}",
+        other=f"{abs(left):.1f}",
         machine=f"{1e6 * thermal.machine_expansion.value:g}",
     )
 
