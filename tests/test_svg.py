@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pytest
 
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart
 
@@ -17,3 +18,13 @@ def test_what_was_written_into_the_control_stands_above_all_points() -> None:
     points = [float(y) for y in re.findall(r'<rect x="[\d.]+" y="([\d.]+)"', drawn)]
     assert len(texts) == 2 and len(points) == 13
     assert max(texts) < min(points)
+
+
+@pytest.mark.parametrize(("at", "width"), [(6.0, 300), (11.0, 300), (5.0, 180)])
+def test_the_words_of_a_line_are_not_cut_at_the_edge(at: float, width: int) -> None:
+    """On a phone "comp. 1 kept as far as seen" ended after "kept as far": what was lost is the reservation."""
+    series, words = [Plotted(np.arange(15.0), np.arange(15.0), "squares")], "comp. 1 kept as far as seen"
+    drawn = chart(series, Canvas(width, 240), [Mark(words, x=at)])
+    place, end = re.findall(rf'<text x="([\d.]+)"( text-anchor="end")?[^>]*>{words}<', drawn)[0]
+    left = float(place) - (6.1 * len(words) if end else 0.0)
+    assert left >= 0 and left + 6.1 * len(words) <= width

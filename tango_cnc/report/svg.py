@@ -47,6 +47,9 @@ class Plotted:
     tips: tuple[str, ...] = ()  # one a point, shown when the pointer rests on it
 
 
+WIDE = 6.1  # px of a letter, about
+
+
 @dataclass(frozen=True)
 class Mark:
     """A line across the chart: at x or at y, with a short text."""
@@ -147,7 +150,7 @@ class _Plot:
         rows: list[list[Plotted]] = []
         room = 0.0
         for s in self.labels:
-            wide = 30 + 6.1 * len(s.label)
+            wide = 30 + WIDE * len(s.label)
             if not rows or room + wide > self.frame.width - 70:
                 rows.append([])
                 room = 0.0
@@ -294,10 +297,12 @@ class _Plot:
     def _mark(self, m: Mark) -> list[str]:
         if m.x is not None:
             x = self.x(m.x)
-            end = x > self.left + 0.75 * (self.right - self.left)
+            wide = 4 + WIDE * len(m.text)
+            end = x > self.left + 0.75 * (self.right - self.left) or x + wide > self.frame.width
+            x_end = x - 4 if x >= wide else self.frame.width - 2.0  # a text that fits on neither side ends at the edge
             foot = self.top - self.above + 9 + 12 * m.row
             parts = [_path(f"M{x:.1f} {foot - 8 if m.text else self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
-            side = f'x="{x - 4:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
+            side = f'x="{x_end:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
             return [*parts, f'<text {side} y="{foot:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
