@@ -79,7 +79,9 @@ def _run(
     machine: Machine, artefact: Artefact, strategy: Strategy, world: World, *more: Any, control: Any = None, **other: Any
 ) -> Any:
     """As `simulate`, which depends on its arguments alone. Everybody has readings of his own, which he may change."""
-    if anew or control is not None or len(more) > 4:
+    if len(more) > 4:  # its control is given by its place
+        more, control = more[:4], more[4]
+    if anew or control is not None:
         return _simulate(machine, artefact, strategy, world, *more, control=control, **other)
     key = sha256(pickle.dumps((machine, artefact, strategy, world, more, sorted(other.items())))).digest()
     if key not in RUNS:
