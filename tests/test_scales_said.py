@@ -58,6 +58,17 @@ def test_scales_say_at_what_temperature_they_hold(cell: Path, words: tuple[str, 
 
 
 @pytest.mark.long
+def test_below_20_degrees_each_sentence_says_which_way(cell: Path) -> None:
+    """ "Moves −69.0 µm/m farther than commanded" and "is −69.0 µm/m too short" said the opposite of their numbers."""
+    cold = "bar: [14.0, 0.1]\nmachine: [14.0, 0.3]\nbar_expansion: [11.5, 0.6]\nmachine_expansion: [10.5, 1.0]\n"
+    (cell / "temperature.yaml").write_text(cold)
+    line = said(cell, ("estimate",))
+    assert "the machine moves 69.0 ± " in line and "(k = 2) less far than commanded" in line
+    assert "A part cut at 20 °C is 69.0 µm/m too short" in line
+    assert "An aluminium part cut at 14 °C is 69.0 µm/m too long" in line  # it grows by 138.0 to 20 °C, and 69.0 are wanted
+
+
+@pytest.mark.long
 def test_gains_without_a_calibrated_length_are_marked_as_relative(root: Path, tmp_path: Path) -> None:
     """The radii of its balls tell the scale of hu40t a little. Its three gains then share what nobody knows."""
     folder = tmp_path / "cell"

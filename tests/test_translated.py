@@ -24,6 +24,8 @@ from tango_cnc.iso230.signed import signed
 from tango_cnc.nightly.mail import message
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, Readings
+from tango_cnc.report.compensated import held
+from tango_cnc.report.days import day
 from tango_cnc.report.facts import Paper, Wishes, gather
 from tango_cnc.report.morning import render as morning
 from tango_cnc.report.page import render
@@ -83,6 +85,17 @@ def report(cell: Cell, readings: Readings, shop: Path, diagnosis: bool) -> str:
 
 def names_of(cell: Cell) -> tuple[str, ...]:
     return cell.machine.name, cell.machine.topology, cell.artefact.name, cell.strategy.name, "bed", *map(str, cell.terms)
+
+
+def test_a_shop_orders_its_dates_and_says_what_became_of_a_compensation(tmp_path: Path) -> None:
+    """The date was that of English in every language, and "kept as far as seen" stood in a sentence of another one."""
+    told = {"date.long": "{weekday}, {day}. {month} {year}", "date.short": "{day}. {month}", "code.kept_as_far_as_seen": "behalten"}
+    told["night.in_control"] = "{event}"
+    (tmp_path / "texts.toml").write_text("\n".join(f"{key} = {json.dumps(text)}" for key, text in told.items()), encoding="utf-8")
+    t = texts_of(tmp_path)
+    assert (day("2026-11-22", t), day("2026-11-22", t, False)) == ("Sun, 22. Nov 2026", "22. Nov")
+    there = {"number": 1, "target": "siemens", "date": "2026-11-20", "event": "kept as far as seen", "measured": True}
+    assert held({"in_control": there}, t) == "behalten"
 
 
 @pytest.mark.long

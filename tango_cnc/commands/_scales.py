@@ -35,14 +35,18 @@ def said(folder: Path, result: Estimate) -> str:
         return say("scales.not_stated", what=what, per_kelvin=f"{1e6 * USUAL.value:.1f}", other=other)
     thermal = read_thermal(file)
     own, cut = grows(thermal), thermal.bar.value - REFERENCE
+    left = ALUMINIUM * cut - 1e6 * own.value
     return say(
         "scales.stated",
         what=what,
         warm=f"{thermal.bar.value:g}",
-        growth=f"{1e6 * own.value:.1f}".replace("-", "−"),
+        growth=f"{abs(1e6 * own.value):.1f}",
+        way=say("scales.farther" if own.value >= 0 else "scales.less_far"),
+        long=say("scales.too_long" if own.value >= 0 else "scales.too_short"),
+        short=say("scales.too_short" if left >= 0 else "scales.too_long"),
         sure=f"{2e6 * own.std:.1f}",
         expansion=f"{1e6 * thermal.bar_expansion.value:g}",
-        other=f"{ALUMINIUM * cut - 1e6 * own.value:.1f}".replace("-", "−"),
+        other=f"{abs(left):.1f}",
         machine=f"{1e6 * thermal.machine_expansion.value:g}",
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..loaded import HELPS
 from ..records import Array
 from ..report.compensated import ENTERING, order
+from ..report.texts import code
 from ..report.units import shown
 from ..state import Frame, State
 from ..state.volume import Volume
@@ -40,7 +41,7 @@ class InControl:
 
         `changed`: since another night, as after a knock, so that a compensation on top of it may be right.
         """
-        words = {"number": self.number, "target": self.target, "event": self.event}
+        words = {"number": self.number, "target": self.target, "event": code(self.event)}
         if not changed:
             return say(order(self.event), **words)
         return joined(" ", [do, say("night.on_top", **words)]) if isinstance(do, Said) and do.key in ENTERING else do

@@ -14,7 +14,7 @@ from .days import at, day, spoken_days
 from .facts import Facts
 from .plain import length, plain
 from .repeated import as_found
-from .texts import Texts
+from .texts import Texts, code
 from .tonight import sized
 from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
 
@@ -133,7 +133,8 @@ def _limit(f: Facts, t: Texts) -> Check:
     if f.control is not None and f.control.gone is not None:
         text = f"{text}; {t('check.limit_in_control', number=f.control.beneath or f.control.number, target=f.control.target)}"
     if f.control is not None and f.control.event not in HELPS:
-        text = f"{text}; {t('check.limit_open_control', number=f.control.number, target=f.control.target, event=f.control.event)}"
+        words = {"number": f.control.number, "target": f.control.target, "event": code(f.control.event)}
+        text = f"{text}; {t('check.limit_open_control', **words)}"
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")
@@ -142,7 +143,7 @@ def _limit(f: Facts, t: Texts) -> Check:
         text = f"{text}; {t('check.limit_older_control', number=f.control.number, target=f.control.target)}"
         todo = t("todo.limit_older", number=f.control.number, target=f.control.target)
     elif f.control is not None and f.control.event not in HELPS and not passed:
-        todo = t(order(f.control.event), number=f.control.number, target=f.control.target, event=f.control.event)
+        todo = t(order(f.control.event), number=f.control.number, target=f.control.target, event=code(f.control.event))
     if passed and older:
         return Check("limit", "look", value, text, todo, trust=False, said="verdict.limit_older", tone="look", label=label)
     return Check("limit", "good" if passed else "look", value, text, todo, trust=False, tone=tone, label=label)

@@ -9,7 +9,7 @@ from typing import Any
 from ..loaded import AS_SEEN, BACK, HELPS, IN_CONTROL, KEPT, Event, Holds, changes, holds, in_order
 from ..texts import LIST, Said, say
 from .days import local_day
-from .texts import Texts
+from .texts import Texts, code
 
 SHOWN = {
     "written": "written",
@@ -40,13 +40,12 @@ def held(record: Mapping[str, Any], t: Texts, events: Sequence[Any] = ()) -> str
     if not (known := record.get("in_control")):
         return ""
     event = str(known.get("event") or (KEPT if known["measured"] else "written"))
-    line = t(
-        f"night.{HELD.get(event, 'in_control_open')}", **{key: known[key] for key in ("number", "target", "date")}, event=event
-    )
+    words = {key: known[key] for key in ("number", "target", "date")} | {"event": code(event)}
+    line = t(f"night.{HELD.get(event, 'in_control_open')}", **words)
     if event in HELPS:
         return line
     beneath = f" {t('night.in_control_beneath', number=known['beneath'])}" if known.get("beneath") else ""
-    return f"{line}{beneath} {t(order(event), number=known['number'], target=known['target'], event=event)}"
+    return f"{line}{beneath} {t(order(event), number=known['number'], target=known['target'], event=code(event))}"
 
 
 def order(event: str) -> str:
@@ -123,7 +122,7 @@ def as_loaded(alarm: Mapping[str, Any], events: Sequence[Any]) -> dict[str, Any]
         return {**alarm, "do": do, "settled": False}
     if there is None or not moment or there.written[:19] < moment[:19] or not _enters(alarm.get("do")):
         return {**alarm, "settled": False}
-    words = {"number": there.number, "target": there.target, "event": there.event, "date": local_day(there.utc)}
+    words = {"number": there.number, "target": there.target, "event": code(there.event), "date": local_day(there.utc)}
     do = say("night.compensation_since_do" if there.measured else order(there.event), **words)
     part = say("part.compensation_since", number=there.number, target=there.target, date=local_day(there.written))
     return {**alarm, "do": do, "on_part": part, "on_part_um": None, "confirmed": None, "settled": True}
@@ -153,7 +152,7 @@ def _of_compensation(
     elif last.event != "written":
         key = order(last.event)
     if last.event != BACK and there is not None and there.number != number:  # another one came on top of it
-        words = {"number": there.number, "target": there.target, "event": there.event, "date": local_day(there.utc)}
+        words = {"number": there.number, "target": there.target, "event": code(there.event), "date": local_day(there.utc)}
         key = "night.compensation_kept_do" if there.measured else order(there.event)
     part = {BACK: "compensation_back", KEPT: "compensation_kept", AS_SEEN: "compensation_kept"}.get(
         last.event, "compensation_given"
@@ -162,7 +161,7 @@ def _of_compensation(
 
 
 def _words(e: Event) -> dict[str, Any]:
-    return {"number": e.number, "target": e.target, "event": e.event, "date": local_day(e.utc)}
+    return {"number": e.number, "target": e.target, "event": code(e.event), "date": local_day(e.utc)}
 
 
 def _enters(do: Any) -> bool:

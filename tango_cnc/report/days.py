@@ -17,8 +17,8 @@ def day(text: object, t: Texts, year: bool = True) -> str:
         found = date.fromisoformat(str(text))
     except ValueError:
         return str(text)
-    told = f"{t('date.days').split()[found.weekday()]} {found.day} {t('date.months').split()[found.month - 1]}"
-    return f"{told} {found.year}" if year else told
+    words = {"weekday": t("date.days").split()[found.weekday()], "month": t("date.months").split()[found.month - 1]}
+    return t("date.long" if year else "date.short", day=str(found.day), year=str(found.year), **words)
 
 
 def between(nights: Sequence[str], t: Texts) -> str:

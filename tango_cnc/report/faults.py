@@ -20,7 +20,7 @@ from .days import day, local_day
 from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation, without_full
-from .texts import Texts
+from .texts import Texts, code
 from .together import SAME, closed, signed_of, together
 from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen
 from .units import Units, shown
@@ -30,7 +30,17 @@ if TYPE_CHECKING:
     from ..history import History
 
 
-SWINGS = ("text", "do", "on_part", "on_part_um", "rate_per_day", "steady", "confirmed", "instead")  # of one with the temperature
+SWINGS = (
+    "text",
+    "do",
+    "on_part",
+    "on_part_um",
+    "rate_per_day",
+    "steady",
+    "confirmed",
+    "instead",
+    "swing",
+)  # of one with the temperature
 LATELY = 60  # nights among which one that has measured a repair is looked for
 BELIEVED = ("good", "changed", "out_of_limits")  # verdicts of nights that have measured the machine
 
@@ -343,6 +353,7 @@ def _whole_error(
     if (
         a["gone"]
         or a.get("unseen")
+        or a.get("swing")  # nobody corrects what goes and comes
         or not a["id"]
         or not now
         or not total
@@ -351,7 +362,7 @@ def _whole_error(
     ):
         return {"whole": ""}
     if (newer := after(known, events)) is not None:
-        words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
+        words = {"number": newer.number, "target": newer.target, "event": code(newer.event), "date": day(local_day(newer.utc), t)}
         return {"whole": t("part.whole_since", **words)}
     there = known.get("in_control") or {}
     if there and not there["measured"]:

@@ -88,6 +88,6 @@ def _fields(text: str) -> set[str]:
 
 
 def code(word: str) -> str:
-    """a word of a record (full, complete, good …) → the same as a text that can be translated; an unknown one as it is."""
-    key = f"code.{word}"
+    """a word of a record (full, kept as far as seen …) → the same as a text that can be translated; an unknown one as it is."""
+    key = f"code.{word.replace(' ', '_')}"
     return say(key) if key in texts() else word

@@ -341,7 +341,8 @@ def _refused(request: Request, error: Exception) -> Response:
         then = f"?next={quote(where, safe='/')}{lost}" if where != "/" or lost else ""
         return RedirectResponse(f"/sign-in{then}", 303)
     t = state_of(request).texts
-    said = t("web.not_found") if error.status_code == 404 else str(error.detail)
+    own = {404: "web.not_found", 405: "web.no_form"}
+    said = t(own[error.status_code]) if error.status_code in own else str(error.detail)
     found = page(request, "told.html", error.status_code, said=said)
     found.headers.update(error.headers or {})
     return found

@@ -9,6 +9,7 @@ import re
 import secrets
 import threading
 import time
+import unicodedata
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from ..records import InputError
 from .guard import same
 from .settings import ROLES, Role
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
+NAME = re.compile(r"[^\W_][\w.@-]{0,63}")  # letters of every language
 SHORTEST = 10  # characters of a password
 LONGEST = 256
 IDLE, WHOLE = 2 * 3600.0, 12 * 3600.0  # s: without a request, and in all
@@ -62,13 +63,19 @@ def read_users(file: Path) -> dict[str, tuple[str, Role]]:
 
 def check_name(name: str) -> None:
     """name of a new user → nothing. Raises InputError for one that no user may have."""
-    if not NAME.fullmatch(name):
-        raise InputError(f"--add-user: found {name!r}; allowed: letters from A to Z, digits, . _ @ -, at most 64")
+    if not NAME.fullmatch(plain(name)):
+        raise InputError(f"--add-user: found {name!r}; allowed: letters, digits, . _ @ -, at most 64")
+
+
+def plain(name: str) -> str:
+    """name as it was typed → the same with one character for each letter: ë is one key or two, and one user."""
+    return unicodedata.normalize("NFC", name)
 
 
 def add_user(file: Path, name: str, password: str, role: Role) -> None:
     """users file, who, password, role → the user is in it, in the place of one with that name. Raises InputError."""
     check_name(name)
+    name = plain(name)
     if not SHORTEST <= len(password) <= LONGEST:
         raise InputError(f"password: found {len(password)} characters; allowed: {SHORTEST} to {LONGEST}")
     users = read_users(file) if file.exists() else {}
@@ -78,7 +85,7 @@ def add_user(file: Path, name: str, password: str, role: Role) -> None:
 
 def verified(file: Path, name: str, password: str) -> User | None:
     """users file, name, password → the user, or None; it takes as long for a name that is not there."""
-    users = read_users(file)
+    users, name = read_users(file), plain(name)
     known, role = users.get(name, (_NOBODY, "view"))
     with _ONE_AT_A_TIME:
         try:
@@ -90,7 +97,7 @@ def verified(file: Path, name: str, password: str) -> User | None:
 
 def remove_user(file: Path, name: str) -> None:
     """users file, who → the user is not in it any more. Raises InputError for one who is not there."""
-    users = read_users(file)
+    users, name = read_users(file), plain(name)
     if name not in users:
         raise InputError(f"--remove-user: found {printable(name, 80)}; allowed: {', '.join(sorted(users)) or 'nobody is in it'}")
     _write(file, {n: row for n, row in users.items() if n != name})
