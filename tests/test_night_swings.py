@@ -15,9 +15,12 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.swings import swing
+from tango_cnc.nightly.words import value
 from tango_cnc.report.faults import faults
+from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import say
 
 DAYS = 20
 
@@ -75,7 +78,7 @@ def test_an_alarm_of_what_swings_is_no_drift_of_a_bearing(root: Path, tmp_path: 
     last = records[-1]
     told = [a for a in [*last["alarms"], *last.get("standing", ())] if a["parameter"] == "EX0C"]
     text = " ".join(message(last, (), ())[1].split())
-    page = " ".join(x["todo"] for x in faults(last, last.get("standing", ()), {}, Units(), texts()))
+    page = " ".join(f"{x['text']} {x['todo']} {x['whole']}" for x in faults(last, last.get("standing", ()), {}, Units(), texts()))
     if drift:
         assert told and not any("swing" in a for a in told) and "swings" not in text
         assert any(a["rate_per_day"] for a in told)
@@ -84,5 +87,14 @@ def test_an_alarm_of_what_swings_is_no_drift_of_a_bearing(root: Path, tmp_path: 
     assert told[0]["swing"]["per_kelvin"] == pytest.approx(3.5e-3, abs=4 * told[0]["swing"]["std"]) and not told[0]["rate_per_day"]
     assert "it swings with the temperature, by +3." in text and "bearing" not in text and "stood still" not in text
     assert "Enter no new location" not in text and "bearing" not in page
+    assert "Correct the whole error" not in page and "by +3.4 µm/K over" in page, page
     for r in records[8:]:
         assert not r["alarms"] and all("swings with the temperature" in r["trend"]["text"] for _ in (1,) if r.get("trend"))
+
+
+def test_a_page_rounds_what_is_said_for_every_kelvin() -> None:
+    """By +1.9261721940 ± 0.1236343258 µm/K."""
+    text = say("night.sensors.swings", text="x", name="EY0C", rate=value(1.926172194e-3, "mm/K", 1.236343258e-4), count=12)
+    assert "by +1.9 µm/K over 12 nights" in plain(text, Units(), texts())
+    tilted = say("night.sensors.swings", text="x", name="EA0C", rate=value(-1.926172194e-6, "rad/K", 1.2e-7), count=12)
+    assert "by −1.9 µrad/K over" in plain(tilted, Units(), texts())

@@ -30,7 +30,17 @@ if TYPE_CHECKING:
     from ..history import History
 
 
-SWINGS = ("text", "do", "on_part", "on_part_um", "rate_per_day", "steady", "confirmed", "instead")  # of one with the temperature
+SWINGS = (
+    "text",
+    "do",
+    "on_part",
+    "on_part_um",
+    "rate_per_day",
+    "steady",
+    "confirmed",
+    "instead",
+    "swing",
+)  # of one with the temperature
 LATELY = 60  # nights among which one that has measured a repair is looked for
 BELIEVED = ("good", "changed", "out_of_limits")  # verdicts of nights that have measured the machine
 
@@ -343,6 +353,7 @@ def _whole_error(
     if (
         a["gone"]
         or a.get("unseen")
+        or a.get("swing")  # nobody corrects what goes and comes
         or not a["id"]
         or not now
         or not total

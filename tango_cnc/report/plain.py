@@ -22,6 +22,7 @@ BRACKETS = re.compile(r" \((E[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))(?:-E\w+)?)\
 ENGINEER = re.compile(r"\bE[XYZABC]\w{1,2}\b|\.yaml\b|'tango |--\w|standard\s+deviation|degrees\s+of\s+freedom")
 SYMBOL = re.compile(r"\bE[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))\b(?:-E[XYZ][XYZ]1\b)?")
 TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/m)(?![\w/²³])")
+RATE = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (µm/m|µm|µrad)/K")
 SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")
 
 
@@ -69,12 +70,18 @@ def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     """part of a sentence without a command → the same in the words of the shop."""
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
+    text = RATE.sub(lambda m: _rate(m[1].replace("-", "−"), float(m[2]), m[3], u), text)
     text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
     told, at = [], 0
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
         at = match.end()
     return spoken_days("".join([*told, u.sentence(text[at:])]), t)
+
+
+def _rate(sign: str, size: float, unit: str, u: Units) -> str:
+    """sign, size, unit of it, units → so much for every K."""
+    return f"{sign}{length(size, u) if unit == 'µm' else f'{rounded(size)} {unit}'}/K"
 
 
 def tilt(size: float, u: Units, t: Texts) -> str:

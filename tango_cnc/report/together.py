@@ -116,7 +116,13 @@ def _story(
     story = _Story(same, sizes[0], every, "", False)
     knocks = _knocks(same, how.known_of, how.u, how.t) if story.one_number else ""
     steady = any(a.get("rate_per_day") and a.get("steady", True) for a in same)
-    return replace(story, knocks=knocks, drifts=steady or (not knocks and _one_way(same, events, repaired)))
+    drifts = not _swings(same) and (steady or (not knocks and _one_way(same, events, repaired)))
+    return replace(story, knocks=knocks, drifts=drifts)
+
+
+def _swings(same: Sequence[Mapping[str, Any]]) -> bool:
+    """alarms of a parameter → whether it goes and comes with the temperature: then its steps are no story, and have no sum."""
+    return all(a.get("swing") for a in same)
 
 
 def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
@@ -141,6 +147,8 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         first |= _gone_back(first, story.own, story.every, how.u, how.t)
     elif same[0].get("older") and is_unseen(same[0].get("now")) and not story.drifts:
         first |= _unseen(first, story.own, story.every, how)
+    elif _swings(same):
+        first |= {"total": None}
     elif story.has_moved_on and story.one_number:
         first |= _moved_on(first, story, written, how)
     else:

@@ -10,6 +10,7 @@ import pickle
 from collections import OrderedDict
 from hashlib import sha256
 from importlib import import_module
+from inspect import signature
 from typing import Any
 
 import pytest
@@ -75,17 +76,14 @@ def _planned(machine: Machine, artefact: Artefact, strategy: Strategy) -> Any:
     return CYCLES[key][0]
 
 
-def _run(
-    machine: Machine, artefact: Artefact, strategy: Strategy, world: World, *more: Any, control: Any = None, **other: Any
-) -> Any:
+def _run(*asked: Any, **more: Any) -> Any:
     """As `simulate`, which depends on its arguments alone. Everybody has readings of his own, which he may change."""
-    if len(more) > 4:  # its control is given by its place
-        more, control = more[:4], more[4]
-    if anew or control is not None:
-        return _simulate(machine, artefact, strategy, world, *more, control=control, **other)
-    key = sha256(pickle.dumps((machine, artefact, strategy, world, more, sorted(other.items())))).digest()
+    given = _arguments.bind(*asked, **more)
+    if anew or given.arguments.get("control") is not None:  # what a control does is a function
+        return _simulate(*asked, **more)
+    key = sha256(pickle.dumps(sorted(given.arguments.items()))).digest()
     if key not in RUNS:
-        RUNS[key] = pickle.dumps(_simulate(machine, artefact, strategy, world, *more, **other))
+        RUNS[key] = pickle.dumps(_simulate(*asked, **more))
     RUNS.move_to_end(key)
     while len(RUNS) > READ:
         RUNS.popitem(last=False)
@@ -97,6 +95,7 @@ probing.rig, Motion._meets = _remembered, _known  # type: ignore[method-assign]
 _simulated = import_module("sim_controller.simulate")
 _commanded, _simulated._commanded = _simulated._commanded, _planned  # type: ignore[attr-defined]
 _simulate, _simulated.simulate = _simulated.simulate, _run  # type: ignore[attr-defined]
+_arguments = signature(_simulate)
 
 
 @pytest.hookimpl(tryfirst=True)
