@@ -24,6 +24,7 @@ from tango_cnc.nightly.warmth import with_warmth
 from tango_cnc.records import Array, InputError, Readings
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
+from tango_cnc.report.tonight import is_gone
 from tango_cnc.texts import say
 
 NAN = float("nan")
@@ -191,6 +192,18 @@ def test_a_machine_at_another_temperature_than_its_first_night_is_not_called_cha
     text = " ".join(message(records[7], (), ())[1].split())
     assert "temperature sensor bed" in text and records[4]["night"] in text
     assert "emperature sensor bed" in context(records[7], [], None, texts())["warm"]
+
+
+@pytest.mark.few(0)
+def test_a_doubtful_sensor_does_not_bring_back_what_has_gone(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sensor, in °F from night 5 on: the machine is taken to be as warm as it said last."""
+    story = Story((Event(3, warmer=7.0), Event(4, warmer=-6.8)), simulated.THIRTY.warm, 0.1)
+    records, _ = spoilt(root, tmp_path, monkeypatch, story, 5, lambda n, values: values * 1.8 + 32.0 if n >= 5 else values)
+    last = records[-1]
+    assert last["temperature"]["doubt"], last["temperature"]
+    (alarm,) = [a for a in last["standing"] if a["cause"] == "temperature"]
+    assert is_gone(alarm["now"]) and "last believed" in alarm["now"]
+    assert "STILL CHANGED" not in message(last, (), ())[0]
 
 
 @pytest.mark.few(0)

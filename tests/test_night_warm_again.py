@@ -66,6 +66,13 @@ def test_one_that_is_still_warm_says_how_warm() -> None:
     assert is_gone(as_warm_as([alarm], 18.0)[0]["now"])
 
 
+def test_without_a_sensor_that_is_believed_it_stays_gone_and_says_from_when_that_is() -> None:
+    alarm = {"cause": "temperature", "size": 0.02, "do": "Wait.", "warmer": {"then": 19.0, "kelvin": 7.0, "celsius": 26.0}}
+    cold, hot = (as_warm_as([alarm], at, False)[0] for at in (19.5, 25.0))
+    assert is_gone(cold["now"]) and "was at 19.5 °C when its sensor was last believed" in cold["now"] and "Nothing" in cold["do"]
+    assert not is_gone(hot["now"]) and "was at 25.0 °C when its sensor was last believed" in hot["now"] and hot["do"] == "Wait."
+
+
 def test_an_alarm_names_the_night_that_its_size_is_counted_from() -> None:
     """+4.0 µm since the 12th and 1.1 K since the 13th were 3.6 µm/K; the machine does 2."""
 

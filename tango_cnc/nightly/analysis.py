@@ -55,7 +55,7 @@ from .ports import Measured, Past
 from .scatter import scatter_on, with_scatter
 from .sensors import counted, how_warm, see_to_it_first, speaks, states
 from .sensors import told as told_of_sensors
-from .standing import since_full, standing, unheard
+from .standing import by_urgency, since_full, standing, unheard
 from .stylus import crept, tip_of
 from .swings import as_swing, without_swing
 from .trend import drift, looking_ahead, slopes
@@ -285,9 +285,9 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
-        now = None if (tonight := self._tonight(u, place, trusted)) is None else tonight[1]
-        waiting, silent = as_warm_as(waiting, now), as_warm_as(silent, now)
-        waiting = [as_swing(a, u.recent, tonight) for a in waiting]
+        tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth) if trusted else None
+        waiting, silent = (as_warm_as(of, now, tonight is not None) for of in (waiting, silent))
+        waiting = by_urgency([as_swing(a, u.recent, tonight) for a in waiting])
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
 

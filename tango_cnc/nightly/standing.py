@@ -79,7 +79,12 @@ def standing(
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
-    return sorted((_with_later(a, found) for a in _as_ended(found)), key=_urgency)
+    return by_urgency([_with_later(a, found) for a in _as_ended(found)])
+
+
+def by_urgency(alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """alarms of other nights → the same: unanswered ones first, then by what they do to a part; after them what has gone back."""
+    return sorted(alarms, key=_urgency)
 
 
 def _as_ended(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -65,21 +65,27 @@ def with_warmth(
     return alarm | {"text": say("night.sensors.goes_with", text=alarm["text"], **named)}
 
 
-def as_warm_as(alarms: Sequence[dict[str, Any]], now: float | None) -> list[dict[str, Any]]:
-    """alarms of other nights, °C that count (None: not known tonight) → the same; one of a change with temperature with how warm
-    the machine is by now: nearer to the night before the alarm than to the alarm, it has gone again, and with `total` what is left.
+def as_warm_as(alarms: Sequence[dict[str, Any]], now: float | None, believed: bool = True) -> list[dict[str, Any]]:
+    """alarms of other nights, °C that count (None: not known tonight), whether a sensor that is believed says so tonight (else one
+    said it last) → the same; one of a change with temperature with how warm the machine is by now: nearer to the night before the
+    alarm than to the alarm, it has gone again, and with `total` what is left.
     """
-    return [_as_warm_as(a, now) if now is not None and a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
+    due = [now is not None and a["cause"] == TEMPERATURE and bool(a.get("warmer")) for a in alarms]
+    return [_as_warm_as(a, now, believed) if ask and now is not None else a for a, ask in zip(alarms, due, strict=True)]
 
 
-def _as_warm_as(alarm: dict[str, Any], now: float) -> dict[str, Any]:
-    """alarm of a change with temperature, °C that count → the same as it is by now."""
+def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:
+    """alarm of a change with temperature, °C that count, whether a sensor says so tonight → the same as it is by now."""
     then, kelvin = float(alarm["warmer"]["then"]), float(alarm["warmer"]["kelvin"])
     share = (now - then) / kelvin if kelvin else 1.0
     told = {"kelvin": f"{now - then:+.1f}", "now": f"{now:.1f}", "then": f"{then:.1f}"}
     if share >= BACK:
-        return alarm | {"now": say("night.sensors.warm_still", **told), "confirmed": None}
-    left = {"now": say("night.sensors.warm_gone", **told), "total": float(alarm["size"]) * share}
+        return alarm | {
+            "now": say("night.sensors.warm_still" if believed else "night.sensors.warm_still_last", **told),
+            "confirmed": None,
+        }
+    gone = say("night.sensors.warm_gone" if believed else "night.sensors.warm_gone_last", **told)
+    left = {"now": gone, "total": float(alarm["size"]) * share}
     left |= {"confirmed": None, "ended": True}
     return alarm | left | ({"do": say("night.sensors.warm_gone_do")} if "do" in alarm else {})
 

@@ -21,6 +21,7 @@ GONE = (
     "night.alarms.gone_again_left",
     "night.alarms.scatter_gone",
     "night.sensors.warm_gone",
+    "night.sensors.warm_gone_last",
 )  # which say that it is back where it was
 UNSURE = 2.0  # standard deviations: a smaller size may be nothing
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
