@@ -201,8 +201,8 @@ BUGS = {
     ),
     "what nobody has closed is forgotten": (
         "nightly.standing",
-        "found.append(told)\n    return sorted((_with",
-        "found = [told]\n    return sorted((_with",
+        "found.append(told)\n    return by_urgency([_with",
+        "found = [told]\n    return by_urgency([_with",
     ),
     "what is ignored stands": (
         "nightly.standing",
