@@ -55,6 +55,7 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return answers
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("words", [("locate",), ("commission", "--touch"), ("run",), ("commission",)], ids=" ".join)
 def test_what_to_do_at_the_control_is_said_after_the_question_whether_to_start(
     cell: Path, capsys: pytest.CaptureFixture[str], at_a_terminal: list[str], words: tuple[str, ...]
@@ -104,6 +105,7 @@ def test_a_port_that_no_run_can_use_is_refused_before_any_work(
     assert sorted(cell.rglob("*")) == before
 
 
+@pytest.mark.few(0)
 def test_a_plan_for_another_post_says_what_has_to_be_stated_before_it_can_run(
     cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -167,6 +169,7 @@ def test_of_a_machine_without_rotary_axes_nothing_is_said_of_them(tmp_path: Path
     assert "not proven" not in said and "commission" not in said
 
 
+@pytest.mark.few(0)
 def test_a_control_that_was_reset_is_not_asked_for_its_probe(tmp_path: Path) -> None:
     """ALARM:3, reset while moving, after good contacts: the text asked for a dead probe, and for a rule."""
     write_example(tmp_path / "cell", "trunnion")

@@ -118,6 +118,7 @@ SOURCES = Path(__file__).parents[1] / "tango_cnc" / "commands"
 WITHOUT = ("_night", "_simulated", "nightly", "serve", "accept", "report", "fleet", "trust", "_trusted")  # pages, no -C
 
 
+@pytest.mark.few(0)
 def test_commands_that_results_hand_out_are_whole(
     cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

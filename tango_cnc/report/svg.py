@@ -47,9 +47,6 @@ class Plotted:
     tips: tuple[str, ...] = ()  # one a point, shown when the pointer rests on it
 
 
-WIDE = 6.1  # px of a letter, about
-
-
 @dataclass(frozen=True)
 class Mark:
     """A line across the chart: at x or at y, with a short text."""
@@ -150,7 +147,7 @@ class _Plot:
         rows: list[list[Plotted]] = []
         room = 0.0
         for s in self.labels:
-            wide = 30 + WIDE * len(s.label)
+            wide = 30 + 6.1 * len(s.label)
             if not rows or room + wide > self.frame.width - 70:
                 rows.append([])
                 room = 0.0
