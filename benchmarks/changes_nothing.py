@@ -13,7 +13,6 @@ NOTHING: dict[tuple[str, str, str], str] = {
     ("tango_cnc/check/collision.py", "way * math.cos(LEAN) > depth", "(way * math.cos(LEAN)) >= (depth)"): (
         "a computed way: equal to a limit by chance alone"
     ),
-    ("tango_cnc/check/collision.py", "rate > SLANT", "(rate) >= (SLANT)"): "a computed slope: equal to a limit by chance alone",
     ("tango_cnc/link/wire.py", "room <= 0", "(room) < (0)"): "without room it would send no bytes, which is nothing, too",
     ("tango_cnc/check/bodies.py", "tip + high * up + around", "(tip + high * up) - (around)"): "the same corners in another order",
     ("tango_cnc/check/bodies.py", "tip + low * up + around", "(tip + low * up) - (around)"): "the same corners in another order",

@@ -89,7 +89,9 @@ def _quoted(command: str, kept: Kept, places: Mapping[str, object]) -> str:
 
 
 def _whole(words: Sequence[str], kept: Kept) -> str:
-    context = click.get_current_context()
+    context = click.get_current_context(silent=True)
+    if context is None:  # who calls from a program has typed nothing
+        return shlex.join(words)
     command, names, new = _command(context, words)
     if command is None or not any("-C" in option.opts for option in command.params):
         return shlex.join(words)

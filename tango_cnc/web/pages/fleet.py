@@ -271,8 +271,10 @@ def brief(
 
 
 def _first(found: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """what is wrong, one at least → the first of it that nobody ignores: the order is about that; else the first."""
-    return next((a for a in found if not a.get("let_be") and a in still_open(found)), found[0])
+    """what is wrong, one at least → the first of it that nobody ignores, also what stands behind a limit and is no alarm: the order
+    is about that; else the first.
+    """
+    return next((a for a in found if not a.get("let_be") and (not a["id"] or a in still_open(found))), found[0])
 
 
 def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
