@@ -397,7 +397,7 @@ def test_a_name_of_two_items_and_another_unit_have_no_value(items, said):
     ],
 )
 def test_what_a_sensor_says_that_is_no_temperature_is_kept_as_it_said_it(attributes, value, strange):
-    """It was said to be silent, and somebody looked for a dead cable."""
+    """The night called such a sensor silent, and the shop looked for a dead cable."""
     watch = Watch(Sensors((Sensor("bed", "mtconnect", "http://127.0.0.1:1/current", "t1"),)))
     watch._came("bed", current(f'<S><T dataItemId="t1"{attributes}>{value}</T></S>'.encode())["t1"])
     assert watch.strange() == strange and (watch.values()["bed"] == 21.5) == (value == "21.5")

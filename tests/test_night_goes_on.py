@@ -82,8 +82,8 @@ def test_what_nobody_has_answered_goes_on_under_its_id_and_a_knock_has_its_own(r
 
 @pytest.mark.long
 def test_a_step_after_an_alarm_that_was_gone_again_is_another_alarm(root: Path, tmp_path: Path) -> None:
-    """A drift of 9 µm had gone back day by day, and 13 µm in one night were told as that alarm which goes on: whoever ignored the
-    one had answered the other, and parts were in question for two weeks."""
+    """A drift of 9 µm goes back day by day; two weeks later the machine moves by 13 µm in one night. The night took this for the
+    old alarm: who ignored that one had answered this one, and put the parts of two weeks in question."""
     crept = (*(Event(n, {"EY0C": 0.003}) for n in (8, 9, 10)), *(Event(n, {"EY0C": -0.0009}) for n in range(11, 21)))
     records = answered(root, tmp_path / "h.db", Story((*crept, Event(24, {"EY0C": 0.013})), wander=0.3), 24, {})
     (old,) = records[8]["alarms"]

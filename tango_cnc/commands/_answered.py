@@ -52,11 +52,3 @@ def unanswered(history: History, machine: str, axes: Machine | None, before: Map
     happened = compensations(history, machine)
     found = faults(record, earlier(alarms), decisions, Units(), t, axes, before, today, happened)
     return sum(a["decision"] is None for a in still_open(found))
-
-
-def unsure(record: Mapping[str, Any]) -> bool:
-    """record of the last night that measured → whether nobody knows if the machine is within its limits: a first part is to be
-    measured, so the exit status is 1 wherever one is asked for.
-    """
-    believed = record.get("verdict") in ("good", "changed")
-    return believed and any(x.get("passed") is None and x.get("limit") for x in record.get("limits") or ())

@@ -103,7 +103,7 @@ def _whole(words: Sequence[str], kept: Kept) -> str:
 
 
 def _command(context: click.Context, words: Sequence[str]) -> tuple[click.Command | None, list[str], list[str]]:
-    """words of a command line → the command, None where there is none; the words that name it; the rest."""
+    """words of a command line → the command that they name (None: tango has no such command), its name, and what follows it."""
     command: click.Command | None = context.find_root().command
     names, rest = [], list(words[1:])
     while isinstance(command, click.Group) and rest:

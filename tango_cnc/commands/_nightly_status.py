@@ -24,17 +24,17 @@ from ..link.progress import minutes_left, newest_complete
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import due, measured_on, night_of_stamp, nights_old
-from ..report.answer import Answer, measuring, of_no_night, said_broken_off, said_cut_off
+from ..report.answer import Answer, May, measuring, of_no_night, said_broken_off, said_cut_off
 from ..report.days import at, local_day
 from ..report.morning import next_night
 from ..report.newer import NewerAnswer, newer_answer
 from ..report.repeated import as_found, shortened, stories
 from ..report.texts import Texts, code
-from ..report.tonight import by_now, by_tonight, is_over
+from ..report.tonight import by_now, by_tonight, is_over, is_unsure
 from ..report.words import of_its_night
 from ..state.changes import change
 from ..texts import say
-from ._answered import answer_now, unsure
+from ._answered import answer_now
 from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
@@ -87,9 +87,9 @@ class Status:
             or any(f.alarms for f in self.renamed)
         )
 
-    def by_newer(self, *may: str) -> bool:
+    def by_newer(self, *may: May) -> bool:
         """answers → whether newer readings have given the answer of the page, and it is one of them."""
-        return self.told is not None and self.told.newer and self.told.may in may
+        return self.told is not None and self.told.by_newer(*may)
 
     def as_json(self) -> dict[str, Any]:
         """→ members of tango-nightly-status/1."""
@@ -207,7 +207,7 @@ def _read(
         ended(folder, cut),
         minutes_left(folder, time.time()),
         newer_answer(folder, record.get("end_utc")),
-        unsure(before) if nights else False,
+        is_unsure(before) if nights else False,
     )
 
 

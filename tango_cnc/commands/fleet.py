@@ -21,16 +21,16 @@ from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
 from ..report.newer import newer_answer
 from ..report.repeated import as_found, on_another_day
-from ..report.tonight import sized
+from ..report.tonight import is_unsure, sized
 from ..texts import instead, joined, say
-from ._answered import answer_now, in_short, unanswered, unsure
+from ._answered import answer_now, in_short, unanswered
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
 if TYPE_CHECKING:
     from ..history import History, Night, Standing
-    from ..report.answer import Answer
+    from ..report.answer import Answer, May
     from ..report.texts import Texts
 
 PLACE = "Keep 30"
@@ -75,9 +75,9 @@ class _Row:
         of_cell = self.cut_off or self.stale or self.moving or self.unsure or self.by_newer("no", "but")
         return bool(of_cell) or self.standing.wants_somebody
 
-    def by_newer(self, *may: str) -> bool:
+    def by_newer(self, *may: May) -> bool:
         """answers → whether newer readings have given the answer of its page, and it is one of them."""
-        return self.told is not None and self.told.newer and self.told.may in may
+        return self.told is not None and self.told.by_newer(*may)
 
 
 @click.command()
@@ -204,7 +204,7 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
         with suppress(TangoError):
             page = answer_now(cell.folder, cell.axes, place, newer, texts())
     more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
-    more["unsure"] = bool(nights) and unsure(_before(history, nights) or record)
+    more["unsure"] = bool(nights) and is_unsure(_before(history, nights) or record)
     if s.alarms_open > 1:  # of two of one cause pages have one
         axes = None if cell is None else cell.axes
         more["unanswered"] = unanswered(history, s.machine, axes, _before(history, nights), texts())

@@ -50,11 +50,11 @@ def message(
     """
     t = t or texts()
     limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
-    crossed = [_limit_line(limit, t) for limit in limits if limit["passed"] is False]
+    crossed = [*(_limit_line(limit, t) for limit in limits if limit["passed"] is False), *_before(record, t)]
     owner = owner_of(record.get("owner"), record, t)
     lines = [
         *_first(record, decisions, t),
-        *(*crossed, *_before(record, t), *([""] if crossed or _before(record, t) else [])),
+        *(*crossed, *([""] if crossed else [])),
         *([t("mail.stale", nights=stale, date=record["last_measured"]), ""] if (stale := record.get("stale_nights")) else []),
         *_alarms(record, decisions, t),
         *_standing(record, decisions, t),

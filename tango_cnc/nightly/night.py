@@ -23,6 +23,7 @@ from ..history.records import stamp_of
 from ..records import InputError, LinkError, NothingSentError, TangoError
 from ..report.age import measured_on, nights_old
 from ..report.texts import texts, texts_of
+from ..report.tonight import is_unsure
 from ..texts import say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
@@ -40,8 +41,7 @@ EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measure
 
 def exit_of(record: Mapping[str, Any]) -> int:
     """record of a night → exit status: 0 only where its page says a plain Yes, so 1 of a limit that it may be beyond, too."""
-    unsure = record["verdict"] == "good" and any(x.get("passed") is None for x in record.get("limits") or ())
-    return 1 if unsure else EXIT[record["verdict"]]
+    return 1 if is_unsure(record) else EXIT[record["verdict"]]
 
 
 def day_of(moment: datetime) -> float:

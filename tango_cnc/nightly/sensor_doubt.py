@@ -76,8 +76,8 @@ def _habit(values: Sequence[float]) -> float:
 
 
 def _apart(a: str, b: str, said: Mapping[str, float], past: Sequence[Mapping[str, float]]) -> tuple[float, str] | None:
-    """two sensors, °C of tonight, of the nights before → K by which the first has gone away from the second, and why that is a
-    contradiction; None where it is none.
+    """two sensors, °C of tonight, of the nights before → K by which the first has left the second, and how they contradict each
+    other; None where they agree.
     """
     usual, now = [p[a] - p[b] for p in past if a in p and b in p], said[a] - said[b]
     if not usual:

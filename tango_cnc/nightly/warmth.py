@@ -70,8 +70,9 @@ def as_warm_as(alarms: Sequence[dict[str, Any]], now: float | None, believed: bo
     said it last) → the same; one of a change with temperature with how warm the machine is by now: nearer to the night before the
     alarm than to the alarm, it has gone again, and with `total` what is left.
     """
-    due = [now is not None and a["cause"] == TEMPERATURE and bool(a.get("warmer")) for a in alarms]
-    return [_as_warm_as(a, now, believed) if ask and now is not None else a for a, ask in zip(alarms, due, strict=True)]
+    if now is None:
+        return list(alarms)
+    return [_as_warm_as(a, now, believed) if a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
 
 
 def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:

@@ -63,6 +63,10 @@ class Answer:
         """→ the sign that goes with it."""
         return "none" if self.may == "wait" else LEVELS[self.may]
 
+    def by_newer(self, *may: May) -> bool:
+        """answers → whether readings after the newest night have given this one, and it is one of them."""
+        return self.newer and self.may in may
+
     def short(self, t: Texts) -> str:
         """texts → what the page writes beside the answer: how old the result is, else the verdict in a word, if it has one."""
         return self.old or (t(f"morning.{self.state}") if f"morning.{self.state}" in t else "")

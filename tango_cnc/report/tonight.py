@@ -55,6 +55,14 @@ def is_over(a: Mapping[str, Any]) -> bool:
     return is_gone(a.get("now") or "") or bool(a.get("undoes"))
 
 
+def is_unsure(record: Mapping[str, Any]) -> bool:
+    """record of a night → whether nobody knows if the machine is within its limits. Then somebody has to measure a first part, so
+    every exit status of that night is 1.
+    """
+    believed = record.get("verdict") in ("good", "changed")
+    return believed and any(x.get("passed") is None and x.get("limit") for x in record.get("limits") or ())
+
+
 def is_unseen(now: object) -> bool:
     """what a night says of an older alarm by now → whether it has gone again, as far as that night can tell."""
     return isinstance(now, Said) and now.key in UNSEEN

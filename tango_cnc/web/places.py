@@ -228,8 +228,8 @@ class Places(Remembered):
         return self._reached(str(history_of(folder, settings)), must=False)
 
     def _reached(self, where: str, must: bool = True) -> tuple[History | None, str]:
-        """file or URL of a history, whether it has to be there → the history where it answers, None where there is none; why it
-        does not answer, else ''. One history that cannot be read hides no other machine, and is not asked again at every look.
+        """file or URL of a history, whether it has to be there → the history (None: it does not answer, or nobody has begun it),
+        and why it does not answer, else ''. The server asks one that does not answer again after a while, not at every look.
         """
         until, why, file = self._off.get(where, (-math.inf, "", None))
         if self.clock() < until and file == _look(where):
