@@ -1,5 +1,5 @@
-"""Of a dialect that somebody is adding, each failure says on which row of the simulated controls its programs run, and who reads
-them back."""
+"""Of a dialect that somebody is adding, each failure says which file describes the control on which its programs run, and who
+reads them back."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from support.few import new
 
 
 def unlike(parameters: dict[str, Any]) -> list[str]:
-    """parameters of a case → its dialects whose simulated control has no row, or one that says nothing of an unusual default."""
-    from sim_controller.session import families, language
-    from support.dialects import EVERY, lacking
+    """parameters of a case → its dialects whose simulated control has no file, or one that its post does not go with."""
+    from support.dialects import EVERY
+    from support.namedcontrols import missing, unsaid, wrong
 
-    named = {name for family in families() for name in language(family).CONTROLS.named}
     given = sorted({value for value in parameters.values() if isinstance(value, str) and value in EVERY})
-    return [name for name in given if name not in named or lacking(name)]
+    return [name for name in given if missing(name) or unsaid(name) or wrong(name)]
 
 
 REFUSED = "The program is not the plan"  # the end of what the read-back says of a statement that it does not know
@@ -42,7 +41,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     report = yield
     parameters = getattr(getattr(item, "callspec", None), "params", {})
     if report.failed and any(isinstance(value, str) for value in parameters.values()):
-        from support.dialects import EVERY, differs
+        from support.dialects import EVERY
+        from support.namedcontrols import differs
 
         shown, told = str(report.longrepr), unlike(parameters)
         said = [(f"the simulated control of {name}", text) for name in told if (text := differs(name)) not in shown]

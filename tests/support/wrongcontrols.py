@@ -169,9 +169,8 @@ def by_option(name: str) -> dict[str, Case]:
         usual = str(known["skip"].default)
         other = next(word for word in WORDS if word != usual and _taken(name, {"skip": word}))
         found["skip"] = Case("alive", {"habits": {"skip_word": other}}, {}, {"skip": other}, "skip")
-    if "axis_numbers" in known and not settings.get("lettered"):
-        counted: dict[str, Any] = {"numbered": "YXZBC"} if "numbered" in has else {"axes": tuple("YXZBC")}
-        found["axis_numbers"] = Case("frames", {"habits": counted}, {}, {"axis_numbers": NUMBERS}, "axis_numbers")
+    if "axis_numbers" in known and "numbered" in has:
+        found["axis_numbers"] = Case("frames", {"habits": {"numbered": "YXZBC"}}, {}, {"axis_numbers": NUMBERS}, "axis_numbers")
     if (state := known.get("probe_state")) is not None and state.must:
         example = yaml.safe_load(re.search(r"e\.g\. ([^;,\s]+)", state.meaning)[1])  # type: ignore[index]
         wired = {"habits": {"probe_variable": example}} if "probe_variable" in has else {}

@@ -88,7 +88,7 @@ class Axes:
     def variable(self, number: int) -> float | None:
         """#5001…, #5021…, #5041…, #5061…, #5081…, #5201… → value in the present unit; None for any other."""
         base, index = (number - 1) // 20 * 20 + 1, (number - 1) % 20
-        axes = "XYZABC" if self._profile.lettered else self._profile.axes
+        axes = self._profile.numbered or self._profile.axes
         if index >= len(axes):
             return None
         name = axes[index]
@@ -116,9 +116,10 @@ class Axes:
     def set_variable(self, number: int, value: float) -> bool:
         """number of a work offset (#5221…), value → whether it can be written and was."""
         work, index = 54 + (number - 5221) // 20, (number - 1) % 20
-        if not 54 <= work <= 59 or index >= len(self._profile.axes):
+        axes = self._profile.numbered or self._profile.axes
+        if not 54 <= work <= 59 or index >= len(axes):
             return False
-        name = self._profile.axes[index]
+        name = axes[index]
         self._offsets.setdefault(work, {})[name] = value * self._unit(name)
         return True
 

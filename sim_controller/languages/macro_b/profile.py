@@ -10,7 +10,7 @@ from typing import Literal
 
 from tango_cnc.records import Machine
 
-from .._shared.known import Controls, StandIn
+from .._shared.known import ORIENT, Controls, Shown
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,8 @@ class Profile:
     """Parameters and options of the control, with the parameter numbers of the 0i/30i families where they are known."""
 
     axes: tuple[str, ...]  # control axes 1, 2, 3 …: the order of #5001, #5021, #5041, #5061 (1020)
-    lettered: bool = False  # they go by letter X Y Z A B C instead, whether the machine has the axis or not (Haas)
+    # letters of 1, 2, 3 … instead, whether the machine has the axis or not (Haas: XYZABC); - where no axis has that number
+    numbered: str = ""
     increment: Decimal = Decimal("0.001")  # mm and deg (IS-B; IS-C is 0.0001)
     calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
@@ -52,25 +53,15 @@ class Profile:
     branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
 
 
-HAAS = {
-    "macros_ahead": "true",
-    "lettered": "true",
-    "point_seconds": "true",
-    "padding": "bare",
-    "overflow": "expanded",
-    "line_end": "cr",
-    "fastest_skip": "2500",
-}
+NUMBERS = "the list of system variables: which axis #5001, #5021, #5041 and #5061 are, which one #5002 …"
 CONTROLS = Controls(
-    {
-        "fanuc": StandIn(),
-        "mazak": StandIn(),
-        "mitsubishi": StandIn({"skip_feed": "own"}),
-        "haas": StandIn(HAAS),
-        "brother": StandIn(stored=("O8832", "M99", "O8833", "M99")),  # stand in for the programs that switch the probe
-    },
     {"probe_state": "probe_variable"},
-    {"axis_numbers": ("lettered", "axes"), "skip": ("skip_word",), "wait": ("waits", "macros_ahead"), "orient": ("orient",)},
+    {
+        "axis_numbers": Shown(("numbered",), NUMBERS),
+        "skip": Shown(("skip_word",), "the skip function: with which word it is called where there are several skip inputs"),
+        "wait": Shown(("waits", "macros_ahead"), "look-ahead of macros: behind which block variables are those of axes at rest"),
+        "orient": ORIENT,
+    },
 )
 
 
