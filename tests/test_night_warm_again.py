@@ -68,7 +68,7 @@ def test_one_that_is_still_warm_says_how_warm() -> None:
 
 @pytest.mark.few(0)
 def test_parts_in_question_end_with_the_first_night_that_found_it_gone(mornings: list[dict[str, Any]]) -> None:
-    """"between 2026-11-16 … and the day on which it went back": that day was on record, and had no date."""
+    """ "between 2026-11-16 … and the day on which it went back": that day was on record, and had no date."""
     first, later = mornings[3], mornings[4]
     for record in (first, later):
         (alarm,) = [a for a in record["standing"] if a["cause"] == "temperature"]
@@ -80,7 +80,11 @@ def test_parts_in_question_end_with_the_first_night_that_found_it_gone(mornings:
 def test_without_a_sensor_that_is_believed_it_stays_gone_and_says_from_when_that_is() -> None:
     alarm = {"cause": "temperature", "size": 0.02, "do": "Wait.", "warmer": {"then": 19.0, "kelvin": 7.0, "celsius": 26.0}}
     cold, hot = (as_warm_as([alarm], at, False)[0] for at in (19.5, 25.0))
-    assert is_gone(cold["now"]) and "was at 19.5 °C when its sensor was last believed" in cold["now"] and "Have the alarm closed" in cold["do"]
+    assert (
+        is_gone(cold["now"])
+        and "was at 19.5 °C when its sensor was last believed" in cold["now"]
+        and "Have the alarm closed" in cold["do"]
+    )
     assert not is_gone(hot["now"]) and "was at 25.0 °C when its sensor was last believed" in hot["now"] and hot["do"] == "Wait."
 
 
