@@ -1,4 +1,4 @@
-"""A report that was made of readings after the newest night, and what it says by them: whoever answers for the machine asks here."""
+"""A report that was made of readings after the newest night, and what it says by them: who answers for the machine asks here."""
 
 from __future__ import annotations
 
