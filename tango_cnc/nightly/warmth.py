@@ -89,7 +89,7 @@ def _gone_by(alarm: Mapping[str, Any], night: str, recent: Sequence[Mapping[str,
     earlier version has recorded that night.
     """
     last = [a for r in recent[:1] for key in ("standing", "unheard") for a in r.get(key) or ()]
-    before = next((a for a in last if alarm.get("id") in (a.get("id"), a.get("alarm"))), {})
+    before: Mapping[str, Any] = next((a for a in last if alarm.get("id") in (a.get("id"), a.get("alarm"))), {})
     return str(before.get("gone_by") or "") if is_gone(before.get("now") or "") else night
 
 
