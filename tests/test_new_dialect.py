@@ -108,17 +108,23 @@ def test_every_control_of_the_project_has_a_profile_and_a_post_that_goes_with_it
     profile(language(row.language), dialects.example().machine, row.settings)  # refuses what it does not know
 
 
+def records(spoken: str, counted: dict[str, str], options: dict[str, Any]) -> list[str]:
+    """language, what its control has, options of a program → its records of the golden plan."""
+    made, module = golden(), language(spoken)
+    lines = list(program(load("fanuc" if spoken == "macro_b" else spoken), made, options, plan_hash(made))[2]())
+    control = profile(module, made.machine, counted)
+    ran = run_on(lambda motion, punch, note: module.Control(motion, control, punch, note), lines, made)
+    return [line for line in ran.lines if line.startswith("P")]
+
+
 @pytest.mark.parametrize("spoken", ["macro_b", "centroid"])
 def test_a_control_numbers_its_axes_as_its_file_says(spoken: str) -> None:
     """With B and C the other way round and a number between that no axis has, only a program that counts so measures."""
-    made, counted = golden(), {"numbered": "XYZ-CB"}
-    module, post = language(spoken), load("fanuc" if spoken == "macro_b" else spoken)
+    counted = {"numbered": "XYZ-CB"}
+    assert len(records(spoken, counted, {"axis_numbers": NUMBERS})) == len(golden().touches)
+    assert not records(spoken, counted, {})
 
-    def records(options: dict[str, Any]) -> list[str]:
-        lines = list(program(post, made, options, plan_hash(made))[2]())
-        control = profile(module, made.machine, counted)
-        ran = run_on(lambda motion, punch, note: module.Control(motion, control, punch, note), lines, made)
-        return [line for line in ran.lines if line.startswith("P")]
 
-    assert len(records({"axis_numbers": NUMBERS})) == len(made.touches)
-    assert len(records({})) < len(made.touches)
+def test_a_skip_move_of_another_input_does_not_notice_the_probe() -> None:
+    assert len(records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P2"})) == len(golden().touches)
+    assert not records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P1"})

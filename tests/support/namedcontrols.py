@@ -27,11 +27,16 @@ def missing(name: str) -> bool:
     return load(name).language in families() and name not in controls()
 
 
+def numbered(numbers: Mapping[str, int]) -> str:
+    """{letter of an axis: its number} → the letters in the order of the numbers, - where no axis has one."""
+    letters = {number: letter for letter, number in numbers.items()}
+    return "".join(letters.get(number, "-") for number in range(1, max(letters) + 1))
+
+
 def setting(shown: Any, default: Any) -> tuple[str, str]:
     """which fields of a control stand beside an option, default of that option → the field and its text, as `--set` takes them."""
-    if isinstance(default, Mapping):  # of letters of axes: their numbers
-        letters = {number: letter for letter, number in default.items()}
-        return shown.fields[0], "".join(letters.get(number, "-") for number in range(1, max(letters) + 1))
+    if isinstance(default, Mapping):
+        return shown.fields[0], numbered(default)
     if "macros_ahead" in shown.fields and str(default).startswith("G103"):
         return "macros_ahead", "true"
     return shown.fields[0], str(default).split()[-1] if shown.fields == ("orient",) else str(default)
