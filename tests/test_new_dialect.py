@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support import dialects, namedcontrols, newdialect
 from support.controls import golden, run_on
-from support.namedcontrols import differs, first, missing, unsaid, wrong
+from support.namedcontrols import NOBODY, OPEN, complaint, differs, first, missing, unsaid, wrong
 
 from postprocessors import load, program
 from postprocessors._base import with_defaults
@@ -63,21 +63,21 @@ def test_a_control_that_is_missing_is_named_with_what_the_command_writes(acme: s
 
 def test_what_the_command_writes_waits_for_a_person_who_looks_it_up(acme: str, tmp_path: Path) -> None:
     file = tmp_path / "acme.yaml"
-    file.write_text(first(acme).replace('manual: ""\n', ""), encoding="utf-8")
+    file.write_text(first(acme), encoding="utf-8")
     row = stand_in(acme, tmp_path)
     assert row is not None and not wrong(acme)
     own = {"skip_word": "G31 P1", "numbered": "XYZ-CB", "macros_ahead": "true", "orient": "P"}
     assert row.settings == own and row.stored == ("O9832", "M99")
     for said in ("which axis #5001", "skip_word: 'G31 P1'", "the programs that switch the probe", "under manual"):
         assert said in unsaid(acme)
-    assert unsaid(acme) in differs(acme)
-    file.write_text(first(acme).replace('manual: ""', 'manual: "M 4711, p. 12"'), encoding="utf-8")
+    assert unsaid(acme) in complaint(acme) and complaint(acme) in sections(acme, "assert [] == ['ok']")
+    file.write_text(first(acme).replace(OPEN, "M 4711, p. 12"), encoding="utf-8")
     assert not unsaid(acme) and not wrong(acme) and not sections(acme, "assert [] == ['ok']")
 
 
 def test_a_post_and_a_control_that_say_other_numbers_are_named_beside_each_other(acme: str, tmp_path: Path) -> None:
     """The simulated control goes by its own file: nobody copies a number that is wrong from the post to it."""
-    text = first(acme).replace("XYZ-CB", "XYZBC").replace('manual: ""', "manual: unconfirmed").replace("O9832", "O8832")
+    text = first(acme).replace("XYZ-CB", "XYZBC").replace(OPEN, NOBODY).replace("O9832", "O8832")
     (tmp_path / "acme.yaml").write_text(text, encoding="utf-8")
     numbers, stored = wrong(acme)
     assert "so numbered: 'XYZ-CB'; the control says numbered: 'XYZBC' (the list of system variables" in numbers
@@ -86,10 +86,11 @@ def test_a_post_and_a_control_that_say_other_numbers_are_named_beside_each_other
     assert len(wrong(acme)) == len(STATED) and any("the control says no skip_word" in said for said in wrong(acme))
 
 
-def test_a_control_whose_file_is_wrong_is_refused_by_file_and_line(tmp_path: Path) -> None:
+def test_a_control_whose_file_is_wrong_is_refused_by_file_and_line(acme: str, tmp_path: Path) -> None:
     (tmp_path / "acme.yaml").write_text("language: macro_c\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"acme\.yaml:1: language: found 'macro_c'; allowed: .*Did you mean 'macro_b'"):
         stand_in("acme", tmp_path)
+    assert "macro_c" in complaint(acme) and "macro_c" in sections(acme, "assert [] == ['ok']")
     assert stand_in("../acme", tmp_path) is None and stand_in("", tmp_path) is None
 
 
@@ -107,17 +108,23 @@ def test_every_control_of_the_project_has_a_profile_and_a_post_that_goes_with_it
     profile(language(row.language), dialects.example().machine, row.settings)  # refuses what it does not know
 
 
+def records(spoken: str, counted: dict[str, str], options: dict[str, Any]) -> list[str]:
+    """language, what its control has, options of a program → its records of the golden plan."""
+    made, module = golden(), language(spoken)
+    lines = list(program(load("fanuc" if spoken == "macro_b" else spoken), made, options, plan_hash(made))[2]())
+    control = profile(module, made.machine, counted)
+    ran = run_on(lambda motion, punch, note: module.Control(motion, control, punch, note), lines, made)
+    return [line for line in ran.lines if line.startswith("P")]
+
+
 @pytest.mark.parametrize("spoken", ["macro_b", "centroid"])
 def test_a_control_numbers_its_axes_as_its_file_says(spoken: str) -> None:
     """With B and C the other way round and a number between that no axis has, only a program that counts so measures."""
-    made, counted = golden(), {"numbered": "XYZ-CB"}
-    module, post = language(spoken), load("fanuc" if spoken == "macro_b" else spoken)
+    counted = {"numbered": "XYZ-CB"}
+    assert len(records(spoken, counted, {"axis_numbers": NUMBERS})) == len(golden().touches)
+    assert not records(spoken, counted, {})
 
-    def records(options: dict[str, Any]) -> list[str]:
-        lines = list(program(post, made, options, plan_hash(made))[2]())
-        control = profile(module, made.machine, counted)
-        ran = run_on(lambda motion, punch, note: module.Control(motion, control, punch, note), lines, made)
-        return [line for line in ran.lines if line.startswith("P")]
 
-    assert len(records({"axis_numbers": NUMBERS})) == len(made.touches)
-    assert len(records({})) < len(made.touches)
+def test_a_skip_move_of_another_input_does_not_notice_the_probe() -> None:
+    assert len(records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P2"})) == len(golden().touches)
+    assert not records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P1"})

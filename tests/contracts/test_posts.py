@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.namedcontrols import differs, first, missing, unsaid, wrong
+from support.namedcontrols import complaint, first, missing
 from support.rows import command, writing
 
 from postprocessors import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
@@ -81,7 +81,7 @@ def test_the_simulated_control_of_its_name_is_described_from_its_manual(name: st
     if load(name).language in {*readback.names()} & {*families()}:
         if writing() and missing(name):
             (FOLDER / f"{name}.yaml").write_text(first(name), encoding="utf-8")
-        assert not missing(name) and not wrong(name) and not unsaid(name), differs(name)
+        assert not complaint(name), complaint(name)
 
 
 @pytest.fixture

@@ -15,8 +15,10 @@ from postprocessors import load
 from sim_controller.named import FOLDER, StandIn, controls, stand_in
 from sim_controller.session import families, language
 from support.rows import ROOT, command
+from tango_cnc.records import InputError
 
 NOBODY = "unconfirmed"  # what stands under `manual` where nobody has seen one
+OPEN = "not looked up yet"  # what the command writes there
 CALLED = re.compile(r"(?:G65|M98) P(\d+)")  # a program that the control has stored
 
 
@@ -25,11 +27,16 @@ def missing(name: str) -> bool:
     return load(name).language in families() and name not in controls()
 
 
+def numbered(numbers: Mapping[str, int]) -> str:
+    """{letter of an axis: its number} → the letters in the order of the numbers, - where no axis has one."""
+    letters = {number: letter for letter, number in numbers.items()}
+    return "".join(letters.get(number, "-") for number in range(1, max(letters) + 1))
+
+
 def setting(shown: Any, default: Any) -> tuple[str, str]:
     """which fields of a control stand beside an option, default of that option → the field and its text, as `--set` takes them."""
-    if isinstance(default, Mapping):  # of letters of axes: their numbers
-        letters = {number: letter for letter, number in default.items()}
-        return shown.fields[0], "".join(letters.get(number, "-") for number in range(1, max(letters) + 1))
+    if isinstance(default, Mapping):
+        return shown.fields[0], numbered(default)
     if "macros_ahead" in shown.fields and str(default).startswith("G103"):
         return "macros_ahead", "true"
     return shown.fields[0], str(default).split()[-1] if shown.fields == ("orient",) else str(default)
@@ -77,7 +84,7 @@ def first(name: str) -> str:
             f"language: {load(name).language}",
             *(["settings:", *said] if said else []),
             *([f"stored: [{', '.join(called(name))}]"] if called(name) else []),
-            *(['manual: ""'] if said or called(name) else []),
+            *([f"manual: {OPEN}"] if said or called(name) else []),
             "",
         ]
     )
@@ -102,7 +109,7 @@ def wrong(name: str) -> list[str]:
 def unsaid(name: str) -> str:
     """dialect → what a person has to look up before the file of its control counts, "" where a source is stated."""
     row = stand_in(name)
-    if row is None or row.manual or not (row.settings or row.stored):
+    if row is None or row.manual not in ("", OPEN) or not (row.settings or row.stored):
         return ""
     looked = {field: f"{field}: {text!r} ({look})" for _, field, text, look in wanted(name).values()}
     said = [looked.get(field, f"{field}: {text!r}") for field, text in row.settings.items()]
@@ -112,6 +119,14 @@ def unsaid(name: str) -> str:
         f"Correct what is otherwise, here and in the post, and state the manual and its page under manual; write {NOBODY} where "
         "nobody has seen a manual"
     )
+
+
+def complaint(name: str) -> str:
+    """dialect → why its control does not count yet, "" where it does; also of a file that cannot be read."""
+    try:
+        return differs(name) if missing(name) or unsaid(name) or wrong(name) else ""
+    except InputError as error:
+        return str(error)
 
 
 def _file(name: str) -> str:

@@ -11,13 +11,13 @@ import pytest
 from support.few import new
 
 
-def unlike(parameters: dict[str, Any]) -> list[str]:
-    """parameters of a case → its dialects whose simulated control has no file, or one that its post does not go with."""
+def unlike(parameters: dict[str, Any]) -> dict[str, str]:
+    """parameters of a case → {dialect: why the file of its simulated control is missing, not looked up, or of another control}."""
     from support.dialects import EVERY
-    from support.namedcontrols import missing, unsaid, wrong
+    from support.namedcontrols import complaint
 
     given = sorted({value for value in parameters.values() if isinstance(value, str) and value in EVERY})
-    return [name for name in given if missing(name) or unsaid(name) or wrong(name)]
+    return {name: said for name in given if (said := complaint(name))}
 
 
 REFUSED = "The program is not the plan"  # the end of what the read-back says of a statement that it does not know
@@ -42,10 +42,9 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     parameters = getattr(getattr(item, "callspec", None), "params", {})
     if report.failed and any(isinstance(value, str) for value in parameters.values()):
         from support.dialects import EVERY
-        from support.namedcontrols import differs
 
         shown, told = str(report.longrepr), unlike(parameters)
-        said = [(f"the simulated control of {name}", text) for name in told if (text := differs(name)) not in shown]
+        said = [(f"the simulated control of {name}", text) for name, text in told.items() if text not in shown]
         read = {name for name in parameters.values() if REFUSED in shown and isinstance(name, str) and name in {*EVERY} & new()}
         report.sections += [*said, *((f"the language of {name}", reader(name)) for name in sorted(read))]
     return report

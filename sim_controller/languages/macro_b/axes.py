@@ -61,9 +61,13 @@ class Axes:
         self._motion.feed(self._target(found), feed)
         self._after_move()
 
-    def skip(self, found: list[Word], feed: float) -> None:
-        """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which."""
-        self._skipped = shown(self._motion, self._profile.axes, self._motion.skip(self._target(found), feed).position)
+    def skip(self, found: list[Word], feed: float, elsewhere: bool = False) -> None:
+        """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which.
+
+        `elsewhere`: the P of the block is another skip input than that of the probe.
+        """
+        done = self._motion.skip(self._target(found), feed, elsewhere=elsewhere)
+        self._skipped = shown(self._motion, self._profile.axes, done.position)
         roll(self._motion, self._profile.rollover)
         self.settle()
 

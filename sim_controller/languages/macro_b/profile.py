@@ -31,7 +31,8 @@ class Profile:
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
-    skip_word: str = "G31"  # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555)
+    # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555); another P is another input
+    skip_word: str = "G31"
     waits: str = ""  # a block that waits for the axes besides G53, G31 and M0, e.g. G4 P0.1 or M66
     point_seconds: bool = False  # G4 P1. is a second and P1 a thousandth; else both are thousandths
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
