@@ -418,9 +418,7 @@ class History:
 
 @contextmanager
 def opened(where: str | Path, create: bool = True, patience: float | None = None) -> Iterator[History]:
-    """file name or URL, whether a file is made, s for which somebody waits for a server who asks again and again (None: a command,
-    which waits for longer) → history. Raises InputError for no such place, LinkError where the database does not answer.
-    """
+    """as `connect` → history. Raises InputError for no such place, LinkError where the database does not answer."""
     history = History(connect(where, create, patience))
     try:
         yield history
