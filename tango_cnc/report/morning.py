@@ -160,6 +160,7 @@ def context(
         "alarms": alarms,
         "first": found[0] | {"brief": brief_of(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
+        "unalarmed": _unalarmed(record, u, t, machine),
         "ignored": _ignored(record, {str(a.get("id")) for a in waiting}, u, t, machine),
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
@@ -304,6 +305,17 @@ def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None)
     since = x.get("since")  # older records do not have it
     told = whole_sentence(sentence(plain(x.get("text"), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
+
+
+def _unalarmed(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """record, units, texts, chain of axes → what has moved without an alarm, as a sentence of the shop; '' for nothing, and where an
+    alarm says it.
+    """
+    trend = record.get("trend") or {}
+    own = (a for key in ("standing", "unheard") for a in record.get(key) or ())
+    if any(a.get("parameter") == trend.get("parameter") and a.get("rate_per_day") for a in own):
+        return ""  # that goes on is what its alarm says
+    return whole_sentence(sentence(plain(trend.get("text"), u, t, machine), Units()))
 
 
 def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, machine: Machine | None) -> list[str]:
