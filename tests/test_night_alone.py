@@ -1,4 +1,4 @@
-"""One parameter that moves alone: quiet nights say how fast it wanders, and it is tried by itself beside all directions together."""
+"""One error that moves alone: quiet nights say how fast it wanders, and it is tried by itself beside all directions together."""
 
 from __future__ import annotations
 

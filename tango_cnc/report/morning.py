@@ -308,8 +308,8 @@ def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None)
 
 
 def _unalarmed(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
-    """record, units, texts, chain of axes → what has moved without an alarm, as a sentence of the shop; '' for nothing, and where an
-    alarm says it.
+    """record, units, texts, chain of axes → what has moved without an alarm, as a sentence of the shop; '' for nothing, and where
+    an alarm says it.
     """
     trend = record.get("trend") or {}
     own = (a for key in ("standing", "unheard") for a in record.get(key) or ())

@@ -180,7 +180,7 @@ def _machine(
     k = len(innovation)
     if not k:
         return 0.0, 1.0
-    root = np.linalg.cholesky(np.eye(k) + reduced @ reduced.T)
+    root = np.asarray(np.linalg.cholesky(np.eye(k) + reduced @ reduced.T), dtype=float)
     white = linalg.solve_triangular(root, innovation, lower=True)
     statistic = float(white @ white)
     p = float(special.fdtrc(k, sure, statistic / k / scale))
