@@ -16,5 +16,6 @@ setup(
             "web/static/*",
         ],
         "tango_cnc.examples": ["**/*"],
+        "sim_controller": ["controls/*.yaml"],
     },
 )

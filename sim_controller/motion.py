@@ -175,11 +175,18 @@ class Motion:
         self._positioning("feed", end, self._length(end) / (self._dialled(feed) / 60))
         self._rolled(target)
 
-    def skip(self, target: Mapping[str, float], feed: float) -> Skip:
+    def skip(self, target: Mapping[str, float], feed: float, *, elsewhere: bool = False) -> Skip:
         """{axis: mm rad}, mm/min → moves until the probe triggers, at most there. Raises MotionStop outside the travel.
 
         The move overruns the trigger by latency and deceleration; a probe that is deflected before it starts ends it at once.
+        `elsewhere`: the move listens to another input than that of the probe.
         """
+        if elsewhere and self._probe != "other":
+            wired, self._probe = self._probe, "other"
+            try:
+                return self.skip(target, feed)
+            finally:
+                self._probe = wired
         end = self._end(target)
         feed = self._dialled(feed) if self._skip_obeys else feed
         if self._asked and not self.deflected:

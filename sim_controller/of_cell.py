@@ -11,8 +11,8 @@ from urllib.parse import unquote
 
 from tango_cnc.records import Cell, InputError
 
-from . import server
-from .session import Setup, families, language
+from . import named, server
+from .session import Setup, language
 
 HERE = re.compile(r"(localhost|127\.\d+\.\d+\.\d+|\[::1\]):\d+")  # this computer, and a port of it
 ALLOWED = "one of them, or port: of this computer under controller: in tango.yaml (socket://127.0.0.1:8193, file:///tmp/TANGO.TXT)"
@@ -58,12 +58,10 @@ def kind(cell: Cell, stated: str | None, settings: Mapping[str, str]) -> tuple[s
     post, options = (cell.controller.post, cell.controller.options) if cell.controller is not None else ("", {})
     if stated is not None:
         return stated, dict(settings), ()
-    for family in families():
-        controls = language(family).CONTROLS
-        if post in controls.named:
-            stand_in = controls.named[post]
-            wired = {name: str(options[key]) for key, name in controls.wired.items() if type(options.get(key)) is int}
-            return family, {**stand_in.settings, **wired, **settings}, stand_in.stored
+    if (control := named.stand_in(post)) is not None:
+        keys = language(control.language).CONTROLS.wired
+        wired = {name: str(options[key]) for key, name in keys.items() if type(options.get(key)) is int}
+        return control.language, {**control.settings, **wired, **settings}, control.stored
     usual = Setup().family
     if post:
         print(f"sim_controller: no control is known by the name {post}: --language {usual} is taken", file=sys.stderr, flush=True)

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from support.controls import GOLDEN, Ran, golden
-from support.dialects import EVERY, differs
+from support.dialects import EVERY
 from support.gates import NEAR, ran
+from support.namedcontrols import differs
 from support.proof_parts import keys_here
 from support.randomplans import example
 from support.rows import command, writing
@@ -234,8 +235,8 @@ def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_a_dialect_that_declares_such_an_option_has_a_control_on_which_its_usual_value_is_wrong(option: str) -> None:
-    """Only those of one language had one, by a typed list; a control that reads by letter, or widens its fields, needs none."""
-    needless = {"axis_numbers": ("lettered", True), "print_format": ("overflow", "expanded")}
+    """Only those of one language had one, by a typed list; a control that widens its fields needs none."""
+    needless = {"print_format": ("overflow", "expanded")}
     key, value = needless.get(option, ("", None))
     having = [name for name in sorted(EVERY) if option in declared(name) and EVERY[name].settings.get(key, "") != value]
     assert having and all(option in by_option(name) for name in having), (

@@ -22,8 +22,7 @@ from support.rows import added, command, writing
 
 from postprocessors import load, names
 from sim_controller.__main__ import run
-from sim_controller.session import families
-from sim_controller.session import language as of
+from sim_controller.named import controls
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.files.commissioning import read_commissioning
@@ -91,7 +90,7 @@ def started(cell: Path, dialect: str, *more: object) -> Iterator[None]:
 def row(dialect: str) -> str:
     """dialect → its row, or that of a relative; the option that names the language stands there where it is needed."""
     language = load(dialect).language
-    known = any(dialect in of(family).CONTROLS.named for family in families())
+    known = dialect in controls()
     relative_of = next((name for name in (dialect, *sorted(ROWS)) if name in ROWS and load(name).language == language), "")
     profile, line = ROWS.get(relative_of) or other(dialect)
     line = re.sub(r" --language \S+", "", line)

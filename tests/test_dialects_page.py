@@ -103,6 +103,7 @@ def test_a_table_of_the_page_has_every_dialect(head: str) -> None:
 
 @pytest.mark.parametrize("name", names())
 def test_what_the_page_says_of_the_text_for_the_finger_is_in_the_program(name: str) -> None:
+    assert name in rows(), f"docs/dialects.md, {SHOWN}: lacks {name}; {WRITE} writes it"
     sees = rows()[name]
     lines = [line for line in text(name).splitlines() if TOUCH in line]
     where = f"docs/dialects.md, {SHOWN}, {name}: {sees}; its program has {lines}"

@@ -49,8 +49,8 @@ def test_contact_on_the_way_back_ends_it_with_a_text_and_the_touch_on_record(
     skip, collide = Motion.skip, Motion._collide
     unguarded: list[str] = []
 
-    def touching(motion: Motion, target: Mapping[str, float], feed: float) -> Skip:
-        done = skip(motion, target, feed)
+    def touching(motion: Motion, target: Mapping[str, float], feed: float, **heard: Any) -> Skip:
+        done = skip(motion, target, feed, **heard)
         if done.hit and motion.touches == 1:
             motion.rig = rig(made.machine, replace(made.artefact, obstacles=(plate,)), World())
         return done

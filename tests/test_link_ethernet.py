@@ -14,7 +14,7 @@ from tango_cnc.commands.init import write_example
 
 PAGE = (Path(__file__).parent.parent / "docs" / "link.md").read_text(encoding="utf-8").partition("## Ethernet DPRNT")[2]
 # What the control of the recipe is set to: how it pads and ends what it prints, how fast it skips, that it reads macros ahead.
-HAAS = ["macros_ahead=true", "lettered=true", "padding=bare", "overflow=expanded", "line_end=cr", "fastest_skip=2500"]
+HAAS = ["macros_ahead=true", "numbered=XYZABC", "padding=bare", "overflow=expanded", "line_end=cr", "fastest_skip=2500"]
 CONTROLS = {"haas": ("O07700.nc", HAAS), "fanuc": ("O8700.nc", [])}
 
 

@@ -1,28 +1,42 @@
-"""A dialect whose control is not that of its relatives: every failure of a case of its own says where that control is described."""
+"""A dialect is one file of code, also where its control is not that of its relatives: a command writes down what its simulated
+control is, and every failure of a case of its own says so."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from support import dialects, newdialect
-from support.dialects import differs, lacking
+from support import dialects, namedcontrols, newdialect
+from support.controls import golden, run_on
+from support.namedcontrols import NOBODY, OPEN, complaint, differs, first, missing, unsaid, wrong
 
-from postprocessors import load
+from postprocessors import load, program
 from postprocessors._base import with_defaults
+from sim_controller.named import controls, stand_in
+from sim_controller.session import language, profile
+from tango_cnc.plan import plan_hash
+from tango_cnc.records import InputError
 
-NUMBERS = {name: i for i, name in enumerate("XYZABC", 1)}
+NUMBERS = {"X": 1, "Y": 2, "Z": 3, "C": 5, "B": 6}
+STATED = {"skip": "G31 P1", "axis_numbers": NUMBERS, "wait": "G103 P1", "probe_on": "G65 P9832", "orient": "M19 P"}
 
 
 @pytest.fixture
-def acme(monkeypatch: pytest.MonkeyPatch) -> str:
-    """A relative of Fanuc with several skip inputs and axes by their letters, of which nobody has told the simulated control."""
+def acme(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
+    """A relative of Fanuc with several skip inputs and axes in another order, of which nobody has told the simulated control."""
     fanuc = load("fanuc")
-    post = replace(fanuc, title="Acme", options=with_defaults(fanuc.options, skip="G31 P1", axis_numbers=NUMBERS))
-    monkeypatch.setattr(dialects, "load", lambda name: post if name == "acme" else load(name))
-    monkeypatch.setattr("postprocessors.load", lambda name: post if name == "acme" else load(name))
+    post = replace(fanuc, title="Acme", options=with_defaults(fanuc.options, **STATED))
+
+    def loaded(name: str) -> Any:
+        return post if name == "acme" else load(name)
+
+    monkeypatch.setattr(namedcontrols, "load", loaded)
+    monkeypatch.setattr("postprocessors.load", loaded)
+    monkeypatch.setattr(namedcontrols, "controls", lambda: (*controls(), *controls(tmp_path)))
+    monkeypatch.setattr(namedcontrols, "stand_in", lambda name: stand_in(name, tmp_path) or stand_in(name))
     monkeypatch.setitem(dialects.EVERY, "acme", dialects.EVERY["fanuc"])
     monkeypatch.setattr(newdialect, "new", lambda: frozenset({"acme"}))
     return "acme"
@@ -39,12 +53,45 @@ def sections(name: str, shown: str, outcome: str = "failed") -> str:
     return "\n".join(f"{title}: {text}" for title, text in report.sections)
 
 
-def test_a_row_that_is_missing_is_named_with_the_defaults_that_it_has_to_go_with(acme: str) -> None:
+def test_a_control_that_is_missing_is_named_with_what_the_command_writes(acme: str) -> None:
     said = differs(acme)
-    assert "sim_controller/languages/macro_b/profile.py: CONTROLS" in said
-    assert "skip: 'G31 P1' (field skip_word of Profile)" in said and "(field lettered or axes of Profile)" in said
+    assert missing(acme) and "sim_controller/controls/acme.yaml" in said
+    assert "TANGO_GOLDEN=write" in said and "-k acme" in said and "skip_word: 'G31 P1'" in said and "numbered: 'XYZ-CB'" in said
     assert said in sections(acme, "assert [] == ['ok']")
     assert not sections(acme, said) and not sections(acme, "", "passed") and not sections("haas", "assert [] == ['ok']")
+
+
+def test_what_the_command_writes_waits_for_a_person_who_looks_it_up(acme: str, tmp_path: Path) -> None:
+    file = tmp_path / "acme.yaml"
+    file.write_text(first(acme), encoding="utf-8")
+    row = stand_in(acme, tmp_path)
+    assert row is not None and not wrong(acme)
+    own = {"skip_word": "G31 P1", "numbered": "XYZ-CB", "macros_ahead": "true", "orient": "P"}
+    assert row.settings == own and row.stored == ("O9832", "M99")
+    for said in ("which axis #5001", "skip_word: 'G31 P1'", "the programs that switch the probe", "under manual"):
+        assert said in unsaid(acme)
+    assert unsaid(acme) in complaint(acme) and complaint(acme) in sections(acme, "assert [] == ['ok']")
+    file.write_text(first(acme).replace(OPEN, "M 4711, p. 12"), encoding="utf-8")
+    assert not unsaid(acme) and not wrong(acme) and not sections(acme, "assert [] == ['ok']")
+
+
+def test_a_post_and_a_control_that_say_other_numbers_are_named_beside_each_other(acme: str, tmp_path: Path) -> None:
+    """The simulated control goes by its own file: nobody copies a number that is wrong from the post to it."""
+    text = first(acme).replace("XYZ-CB", "XYZBC").replace(OPEN, NOBODY).replace("O9832", "O8832")
+    (tmp_path / "acme.yaml").write_text(text, encoding="utf-8")
+    numbers, stored = wrong(acme)
+    assert "so numbered: 'XYZ-CB'; the control says numbered: 'XYZBC' (the list of system variables" in numbers
+    assert "O9832" in stored and "O8832" in stored and numbers in differs(acme)
+    (tmp_path / "acme.yaml").write_text("language: macro_b\n", encoding="utf-8")
+    assert len(wrong(acme)) == len(STATED) and any("the control says no skip_word" in said for said in wrong(acme))
+
+
+def test_a_control_whose_file_is_wrong_is_refused_by_file_and_line(acme: str, tmp_path: Path) -> None:
+    (tmp_path / "acme.yaml").write_text("language: macro_c\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"acme\.yaml:1: language: found 'macro_c'; allowed: .*Did you mean 'macro_b'"):
+        stand_in("acme", tmp_path)
+    assert "macro_c" in complaint(acme) and "macro_c" in sections(acme, "assert [] == ['ok']")
+    assert stand_in("../acme", tmp_path) is None and stand_in("", tmp_path) is None
 
 
 def test_a_statement_of_another_language_names_the_reader(acme: str) -> None:
@@ -53,6 +100,31 @@ def test_a_statement_of_another_language_names_the_reader(acme: str) -> None:
     assert not sections("fanuc", refused)
 
 
-def test_every_dialect_of_the_project_has_told_its_simulated_control() -> None:
-    assert not any(map(lacking, dialects.EVERY))
-    assert lacking("haas") == {} and load("haas").options != load("fanuc").options
+@pytest.mark.parametrize("name", controls())
+def test_every_control_of_the_project_has_a_profile_and_a_post_that_goes_with_it(name: str) -> None:
+    row = stand_in(name)
+    assert row is not None and name in dialects.EVERY, f"sim_controller/controls/{name}.yaml: no post has this name"
+    assert row.language == load(name).language and not wrong(name) and not unsaid(name)
+    profile(language(row.language), dialects.example().machine, row.settings)  # refuses what it does not know
+
+
+def records(spoken: str, counted: dict[str, str], options: dict[str, Any]) -> list[str]:
+    """language, what its control has, options of a program → its records of the golden plan."""
+    made, module = golden(), language(spoken)
+    lines = list(program(load("fanuc" if spoken == "macro_b" else spoken), made, options, plan_hash(made))[2]())
+    control = profile(module, made.machine, counted)
+    ran = run_on(lambda motion, punch, note: module.Control(motion, control, punch, note), lines, made)
+    return [line for line in ran.lines if line.startswith("P")]
+
+
+@pytest.mark.parametrize("spoken", ["macro_b", "centroid"])
+def test_a_control_numbers_its_axes_as_its_file_says(spoken: str) -> None:
+    """With B and C the other way round and a number between that no axis has, only a program that counts so measures."""
+    counted = {"numbered": "XYZ-CB"}
+    assert len(records(spoken, counted, {"axis_numbers": NUMBERS})) == len(golden().touches)
+    assert not records(spoken, counted, {})
+
+
+def test_a_skip_move_of_another_input_does_not_notice_the_probe() -> None:
+    assert len(records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P2"})) == len(golden().touches)
+    assert not records("macro_b", {"skip_word": "G31 P2"}, {"skip": "G31 P1"})

@@ -37,7 +37,7 @@ def test_the_alarm_of_a_warm_night_has_gone_when_the_machine_is_as_warm_as_befor
     warm, cold = mornings[2], mornings[4]
     assert [a["cause"] for a in warm["alarms"]] == ["temperature"], warm["headline"]
     (alarm,) = [a for a in cold["standing"] if a["cause"] == "temperature"]
-    assert is_gone(alarm["now"]) and "the machine is at 2" in alarm["now"] and "Nothing while" in alarm["do"]
+    assert is_gone(alarm["now"]) and "the machine is at 2" in alarm["now"] and "Have the alarm closed while" in alarm["do"]
     assert abs(alarm["total"]) < 0.3 * alarm["size"]
     text = " ".join(message(cold, (), ())[1].split())
     assert "gone again: the machine is at" in text and "STILL CHANGED" not in message(cold, (), ())[0]
@@ -66,10 +66,25 @@ def test_one_that_is_still_warm_says_how_warm() -> None:
     assert is_gone(as_warm_as([alarm], 18.0)[0]["now"])
 
 
+@pytest.mark.few(0)
+def test_parts_in_question_end_with_the_first_night_that_found_it_gone(mornings: list[dict[str, Any]]) -> None:
+    """ "between 2026-11-16 … and the day on which it went back": that day was on record, and had no date."""
+    first, later = mornings[3], mornings[4]
+    for record in (first, later):
+        (alarm,) = [a for a in record["standing"] if a["cause"] == "temperature"]
+        assert alarm["gone_by"] == first["night"]
+        assert f"and {first['night']}, the first night without it again" in " ".join(message(record, (), ())[1].split())
+        assert "the first night without it again" in faults(record, record["standing"], {}, Units(), texts())[0]["on_part"]
+
+
 def test_without_a_sensor_that_is_believed_it_stays_gone_and_says_from_when_that_is() -> None:
     alarm = {"cause": "temperature", "size": 0.02, "do": "Wait.", "warmer": {"then": 19.0, "kelvin": 7.0, "celsius": 26.0}}
     cold, hot = (as_warm_as([alarm], at, False)[0] for at in (19.5, 25.0))
-    assert is_gone(cold["now"]) and "was at 19.5 °C when its sensor was last believed" in cold["now"] and "Nothing" in cold["do"]
+    assert (
+        is_gone(cold["now"])
+        and "was at 19.5 °C when its sensor was last believed" in cold["now"]
+        and "Have the alarm closed" in cold["do"]
+    )
     assert not is_gone(hot["now"]) and "was at 25.0 °C when its sensor was last believed" in hot["now"] and hot["do"] == "Wait."
 
 

@@ -105,9 +105,10 @@ def test_an_open_alarm_keeps_its_answer_and_the_number_is_that_of_the_newer_read
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize("verdict", ["out_of_limits", "changed"])
-def test_readings_that_say_as_much_as_the_night_and_show_no_larger_error_change_nothing(tmp_path: Path, verdict: str) -> None:
+def test_readings_that_say_as_much_as_the_night_and_show_no_larger_error_change_no_answer(tmp_path: Path, verdict: str) -> None:
     place, _ = measured(tmp_path / "one", grown=False, verdict=verdict, alarms=[knock(night(M, 8)["night"])])
     assert newer_answer(place, json.loads((place / "report.json").read_text())["after"]) is not None
     for path in PATHS[:4]:
         text = plain_of(seen(place, path))
-        assert "readings of the report" not in text and "101 µm" not in text, path
+        assert "readings of the report" not in text and "101 µm, 120 µm" not in text, path
+        assert "say Yes, but, with 101 µm at the tool tip. They take nothing back: the answer stays" in text, path

@@ -76,6 +76,22 @@ def test_who_has_an_alarm_reads_on_alarms_how_to_close_it(tmp_path: Path) -> Non
     assert "--action repaired --owner &#39;Ann Meier&#39;" in text and "--action acknowledge" not in text
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_a_change_and_its_way_back_are_answered_by_one_command(tmp_path: Path, held: bool) -> None:
+    """One open alarm, "Without an answer: 1", and two commands below it; --status had one."""
+    first = {**knock(night(M, 8)["night"]), "size": 0.0226}
+    back = {**knock(night(M, 9)["night"]), "size": -0.0226, "undoes": {"alarm": first["id"], "left": 0.0, "std": 0.0003}}
+    records = [night(M, 7), night(M, 8, "changed", alarms=[first]), night(M, 9, "changed", alarms=[back])]
+    place = cell(tmp_path / "one", records=records)
+    if held:  # before it went back: the way back is asked for by itself
+        with opened(place / "history.db") as history:
+            history.decide(M, Decision(first["id"], "acknowledge", "Zoë"))
+            history.decide(M, Decision(back["id"], "acknowledge", "Zoë"))
+    text = seen(place, "/alarms")
+    assert "Open alarms: 1." in text or held
+    assert text.count("tango history decide") == 1 and f"decide {first['id']} " in text
+
+
 def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Path) -> None:
     """ "No alarm is open." stood there, and nothing of a machine that was No: repaired by word alone."""
     alarm = knock(night(M, 8)["night"])

@@ -898,3 +898,4 @@ def test_a_report_of_newer_readings_orders_what_the_pages_order_where_it_says_ye
     assert told["may_make_parts"] == "but" and told["after"] == "2026-11-20T02:30:00+00:00" and told["no_after"] is None
     kept = newer_answer(newer)
     assert kept.may == "but" and kept.grown and kept.tip_um == 1e3 * facts.tip.worst and kept.moved is not None
+    assert " by the readings of the report; the night ending Fri 20 Nov 2026 has " in summary(newer, 9999)  # and on the terminal

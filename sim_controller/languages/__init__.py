@@ -3,7 +3,7 @@
 A language offers
 
     Profile                                       what differs between machines with this control, defaults unverified
-    CONTROLS                                        the controls that speak it by their names, and what is special about each
+    CONTROLS                                      what is said of all controls that speak it (those with a name: `controls/`)
     Control(motion, profile, punch, note)         the control's memory; lives as long as it is switched on
     Control.run(lines, streamed)                  executes one tape; `lines` waits for more of it when it is drip-fed
 

@@ -17,7 +17,7 @@ from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._shared.alarm import Alarm, Silence
-from ._shared.known import Controls, StandIn
+from ._shared.known import ORIENT, Controls, Shown
 from ._shared.scales import commanded, shown
 from .rs274.expressions import POWERS, PRODUCTS, SUMS, Key, Levels, Operator, Reader
 
@@ -44,6 +44,7 @@ class Profile:
     """What differs between machines with this control."""
 
     axes: tuple[str, ...]  # axis 1, 2, 3 …
+    numbered: str = ""  # their letters instead, whether the machine has the axis or not; - where no axis has that number
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     probe: Mapping[str, float] = field(default_factory=lambda: {"P": 15.0})  # machine parameter 11, with its sign
     scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (G51)
@@ -55,7 +56,12 @@ class Profile:
     old_contact: bool = False  # #24301 … are not written: those of the touch before remain
 
 
-CONTROLS = Controls({"centroid": StandIn()})
+CONTROLS = Controls(
+    shown_by={
+        "axis_numbers": Shown(("numbered",), "the list of system variables: which axis #5021, #5041 and #24301 are, which #5022 …"),
+        "orient": ORIENT,
+    }
+)
 
 
 def default_profile(machine: Machine) -> Profile:
@@ -273,8 +279,9 @@ class Control:
         if not isinstance(key, int):
             raise Alarm("CANCEL", f"#<{key}> is no variable")
         for base, place in ((5020, self._known), (5040, self._known), (24300, self._contact)):
-            if base < key <= base + len(self._profile.axes):
-                name = self._profile.axes[key - base - 1]
+            if base < key <= base + len(letters := self._profile.numbered or self._profile.axes):
+                if (name := letters[key - base - 1]) not in place:
+                    return 0.0
                 offset = self._profile.g54.get(name, 0.0) if base == 5040 else 0.0
                 return (place[name] - offset) / (INCH if self._profile.inches and name in "XYZ" else 1.0)
         if 50001 <= key <= 51312:

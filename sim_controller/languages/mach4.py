@@ -18,7 +18,7 @@ from tango_cnc.records import InputError, Machine
 from ..motion import Motion, Note
 from . import macro_b
 from ._shared.alarm import Alarm
-from ._shared.known import Controls, StandIn
+from ._shared.known import ORIENT, Controls
 from .macro_b.alarms import alarm
 from .macro_b.blocks import Block, Word, block
 from .macro_b.profile import Profile
@@ -27,8 +27,6 @@ from .macro_b.program import Program
 
 __all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
-LETTERS = "XYZABC"
-PLACES = (5001, 5021, 5041, 5061)  # first variables of six, one an axis
 SIGNAL = 178  # some number
 PROGRAM = "C:\\Mach4Hobby\\GcodeFiles\\program.nc"
 SHIM = """
@@ -49,12 +47,12 @@ end
 """
 
 
-CONTROLS = Controls({"mach4": StandIn()}, beside=re.compile(r"m\d+\.mcs"))
+CONTROLS = Controls(shown_by={"orient": ORIENT}, beside=re.compile(r"m\d+\.mcs"))
 
 
 def default_profile(machine: Machine) -> Profile:
     """machine → profile of the family; programs run from the disk of the PC."""
-    return replace(family_profile(machine), memory=0)
+    return replace(family_profile(machine), memory=0, numbered="XYZABC")
 
 
 class Control(macro_b.Control):
@@ -131,13 +129,6 @@ class Control(macro_b.Control):
 
     def _print(self, text: str, block: Block) -> None:
         raise alarm("PS0114", block.raw)
-
-    def _system(self, number: int) -> float | None:
-        base, place = (number - 1) // 20 * 20 + 1, (number - 1) % 20
-        if base in PLACES and place < len(LETTERS):
-            name = LETTERS[place]
-            return super()._system(base + self._profile.axes.index(name)) if name in self._profile.axes else 0.0
-        return super()._system(number)
 
 
 def _files(library: Iterable[str]) -> dict[str, str]:

@@ -35,8 +35,8 @@ def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswe
 
 
 def in_short(told: Answer) -> Sequence[str]:
-    """answer → its numbers, and what newer readings have otherwise than the night, as parts of a line."""
-    return [unstopped(x) for x in (told.numbers, told.moved) if x]
+    """answer → its numbers, and what newer readings have otherwise than the night or say beside it, as parts of a line."""
+    return [unstopped(x) for x in (told.numbers, told.moved, told.beside) if x]
 
 
 def unanswered(history: History, machine: str, axes: Machine | None, before: Mapping[str, Any] | None, t: Texts) -> int:

@@ -104,6 +104,7 @@ class Status:
             "measuring_minutes_left": self.left,
             "newer_no": self.by_newer("no"),
             "newer_but": self.by_newer("but"),
+            "newer_beside": (self.told.beside if self.told is not None else "") or None,
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),

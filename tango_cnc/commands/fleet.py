@@ -22,7 +22,7 @@ from ..records import InputError, Machine, TangoError
 from ..report.newer import newer_answer
 from ..report.repeated import as_found, on_another_day
 from ..report.tonight import is_unsure, sized
-from ..texts import instead, joined, say
+from ..texts import instead, joined, say, unstopped
 from ._answered import answer_now, in_short, unanswered
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
@@ -227,6 +227,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "measuring_minutes_left": row.left,
             "newer_no": row.by_newer("no"),
             "newer_but": row.by_newer("but"),
+            "newer_beside": (row.told.beside if row.told is not None else "") or None,
         }
         for row in found
     ]
@@ -248,9 +249,10 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late and s.last else ""
         how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
         busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
-        by_page = _told(row.told, t)
+        measured = s.last is not None and s.last.verdict != "not_measured"
+        by_page = "" if measured and row.told is not None and row.told.beside else _told(row.told, t)  # its verdict says the No
         late = busy or row.moving or by_page or late
-        known = in_short(row.told) if row.told is not None and by_page else ()
+        known = () if row.told is None else in_short(row.told) if by_page else (unstopped(row.told.beside),)
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
         how = {} if row.cell is None else ended(row.cell, row.cut_off)

@@ -162,7 +162,9 @@ def command(
     if own:
         write_text(
             folder / newer.SAID,
-            newer.answer_text(data["may_make_parts"], data["no_after"], later.newer_answer(found), data["after"]),
+            newer.answer_text(
+                data["may_make_parts"], data["no_after"], later.newer_answer(found), data["after"] or data["yes_after"]
+            ),
         )
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
@@ -171,7 +173,7 @@ def command(
     data |= {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
     if not write_json(json_file, data | members(overall(judgement, found))):
         click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)
-        click.echo(terminal.summary(found))
+        click.echo(terminal.summary(found, t=texts_of(templates)))
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit

@@ -293,7 +293,7 @@ class Nights(BeforeNight):
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
         tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth) if trusted else None
-        waiting, silent = (as_warm_as(of, now, tonight is not None) for of in (waiting, silent))
+        waiting, silent = (as_warm_as(of, now, tonight is not None, date_of(day), u.recent) for of in (waiting, silent))
         waiting = by_urgency([as_swing(a, u.recent, tonight) for a in waiting])
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)

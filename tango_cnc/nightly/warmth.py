@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array
+from ..report.tonight import is_gone
 from ..state import Frame, State
 from ..state.naming import WARMER
 from ..texts import say
@@ -65,14 +66,31 @@ def with_warmth(
     return alarm | {"text": say("night.sensors.goes_with", text=alarm["text"], **named)}
 
 
-def as_warm_as(alarms: Sequence[dict[str, Any]], now: float | None, believed: bool = True) -> list[dict[str, Any]]:
+def as_warm_as(
+    alarms: Sequence[dict[str, Any]],
+    now: float | None,
+    believed: bool = True,
+    night: str = "",
+    recent: Sequence[Mapping[str, Any]] = (),
+) -> list[dict[str, Any]]:
     """alarms of other nights, °C that count (None: not known tonight), whether a sensor that is believed says so tonight (else one
-    said it last) → the same; one of a change with temperature with how warm the machine is by now: nearer to the night before the
-    alarm than to the alarm, it has gone again, and with `total` what is left.
+    said it last), date of tonight, records newest first → the same; one of a change with temperature with how warm the machine is
+    by now: nearer to the night before the alarm than to the alarm, it has gone again (`gone_by`: by which night first), and with
+    `total` what is left.
     """
     if now is None:
         return list(alarms)
-    return [_as_warm_as(a, now, believed) if a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
+    told = [_as_warm_as(a, now, believed) if a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
+    return [a | {"gone_by": _gone_by(a, night, recent)} if a["cause"] == TEMPERATURE and a.get("ended") else a for a in told]
+
+
+def _gone_by(alarm: Mapping[str, Any], night: str, recent: Sequence[Mapping[str, Any]]) -> str:
+    """alarm that has gone again, date of tonight, records newest first → date of the first night that found it gone; '' where an
+    earlier version has recorded that night.
+    """
+    last = [a for r in recent[:1] for key in ("standing", "unheard") for a in r.get(key) or ()]
+    before: Mapping[str, Any] = next((a for a in last if alarm.get("id") in (a.get("id"), a.get("alarm"))), {})
+    return str(before.get("gone_by") or "") if is_gone(before.get("now") or "") else night
 
 
 def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:

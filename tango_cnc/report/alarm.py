@@ -68,6 +68,7 @@ def alarm(
         "gone": False,
         "ids": [str(a["id"])] if a.get("id") and decision is None else [],
         "held": [],
+        "typed": [str(a["id"])] if a.get("id") else [],
         "decided": "" if decision is None else decided(decision, t),
     }
 

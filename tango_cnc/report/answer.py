@@ -11,7 +11,7 @@ from typing import Any, Literal
 from ..records import Machine
 from ..texts import Said, say
 from .age import night_of_stamp
-from .days import clock, day, local_day
+from .days import at, clock, day, local_day
 from .newer import NewerAnswer
 from .pace import SOON, Ahead
 from .plain import amount, length, plain, shop, signed
@@ -35,6 +35,7 @@ PARTS = {
 NEWER = "newer"  # state of an answer that readings after the newest night have given
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
+WORSE: Mapping[May, int] = {"yes": 0, "wait": 1, "unknown": 1, "but": 1, "no": 2}
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
@@ -57,6 +58,8 @@ class Answer:
     after: str = ""  # then: date of the night that measured before them
     moved: str = ""  # then: what they have otherwise than that night, as a sentence
     mover: str = ""  # then: the parameter that this is about
+    beside: str = ""  # what newer readings say that leave the answer as it is, and until when it stays, as a sentence
+    again: bool = False  # whether these say a plain Yes: no full measurement is asked for once more
 
     @property
     def level(self) -> str:
@@ -295,15 +298,17 @@ def by_newer(
 ) -> Answer:
     """answer of the newest night, that of readings that came after it, units, texts, chain of axes, record of the last night that
     measured → the worse one of both: that of the readings with its number, what the largest part of a No comes from, and what has
-    moved since the night; where the night says as much, its own answer with the number of the readings, if that is larger.
+    moved since the night; where the night says as much, its own answer with the number of the readings, if that is larger. Where
+    the night says worse, its answer stays, and says until when, and what the readings say.
 
     What nobody knows because the machine may still move stays. Nights that are too old know less than readings that say No.
     """
-    moving = known.state in ("cut_off", "moved") or known.word == t("may.not_yet")
-    stays = moving or (known.may == "unknown" and (known.state != "old" or newer.may != "no"))
-    worse = known.may not in ("no", *(("but", "unknown") if newer.may != "no" else ()))
-    if stays or not (worse or newer.grown):
+    if known.state in ("cut_off", "moved") or known.word == t("may.not_yet"):
         return known
+    stays = known.may == "unknown" and (known.state != "old" or newer.may != "no")
+    worse = WORSE[newer.may] > WORSE[known.may]
+    if stays or not (worse or newer.grown):
+        return staying(known, newer.may, newer.tip_um, newer.measured, u, t)
     after, moved = str((night or {}).get("night") or ""), _moved_since(newer, night or {}, u, t, machine)
     numbers = _of_readings(newer, u, t)
     found = replace(
@@ -320,6 +325,20 @@ def by_newer(
         size = signed(newer.value * factor, unit, u, t)
         why += f" {t('may.most', what=spoken(newer.parameter, machine, t), size=size)}"
     return replace(found, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why)
+
+
+def staying(known: Answer, may: May, tip_um: float | None, measured: str, u: Units, t: Texts) -> Answer:
+    """answer of the newest night, that of readings that came after it, their error (µm), when they were made (UTC), units, texts →
+    the same answer, which says what these have found and until when it stays; a plain Yes of the night as it is.
+    """
+    if known.may in ("yes", "wait"):
+        return known
+    words = {"date": at(measured, t), "answer": t(f"may.{may}"), "stays": known.word}
+    found = t("may.stays_found", answer=words["answer"], size=length(tip_um, u)) if tip_um is not None else words["answer"]
+    open_ = known.may == "but" and known.state in ("changed", "alarm_open") and not known.why.startswith(t("may.repaired"))
+    beside = t("may.stays_open" if open_ else "may.stays", **{**words, "answer": found})
+    why = known.why.replace(t("may.doubtful"), t("may.doubtful_stays")) if may == "yes" else known.why
+    return replace(known, why=f"{why} {beside}".strip(), beside=beside, again=may == "yes")
 
 
 def _of_readings(newer: NewerAnswer, u: Units, t: Texts) -> str:
@@ -351,7 +370,7 @@ def _moved_since(no: NewerAnswer, night: Mapping[str, Any], u: Units, t: Texts, 
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
     known = _dated(known, t)  # of a night before this measurement
-    known = replace(known, newer=False, after="", moved="")
+    known = replace(known, newer=False, after="", moved="", beside="", again=False)
     return replace(
         known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="", old=""
     )

@@ -29,10 +29,19 @@ def after(f: Facts, said: Told) -> str:
     return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
 
 
+def yes_after(f: Facts, said: Told) -> str:
+    """facts, answer → when the newest night ended, where these readings are newer, of the machine that the night has measured, and
+    say a plain Yes by themselves; else nothing.
+    """
+    if f.nights is None or f.nights.beside(f.paper.measured) != "newer" or said.own.may != "yes":
+        return ""
+    return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
+
+
 def newer_answer(f: Facts) -> NewerAnswer:
     """facts → what pages of the machine say of the answer of these readings; no number of readings that are in doubt."""
     measured, said = str(f.paper.measured), may(f, texts()).own
-    kind: Literal["no", "but"] = "no" if said.may == "no" else "but"
+    kind: Literal["no", "but", "yes"] = "no" if said.may == "no" else "yes" if said.may == "yes" else "but"
     if f.tip is None or said.state == "doubtful":
         return NewerAnswer(measured, may=kind)
     tip, limit = 1e3 * f.tip.worst, None if f.wishes.limit is None else 1e3 * f.wishes.limit

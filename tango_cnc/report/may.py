@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .age import nights_old
-from .answer import PARTS, Answer, answer, measuring
+from .answer import PARTS, WORSE, Answer, answer, measuring, staying
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts
@@ -24,7 +24,6 @@ from .words import spoken
 
 GROWN = 1.1  # times the error of the night, from where newer readings say what most of theirs comes from
 NOTHING = Answer("unknown", "", "", "", "")
-WORSE = {"yes": 0, "wait": 1, "unknown": 1, "but": 1, "no": 2}
 
 
 @dataclass(frozen=True)
@@ -61,16 +60,28 @@ def _known(f: Facts, t: Texts) -> Told:
         newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
         return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t), own=own)
     newest = grown(f) and own.numbers != ""  # the larger number is the newer one
-    night = replace(night, numbers=own.numbers) if newest else night
+    night = replace(night, numbers=own.numbers) if newest else _stays(night, own, f, t)
     basis = _by_night(f, t)
     return Told(
         night,
         basis + _by_option(f, t),
         "" if night.may == "yes" else _behind(f, newest, own, t),
-        _run(f, not newest, t),
+        _run(f, not newest, t, bool(night.beside)),
         True,
         own,
     )
+
+
+def _stays(night: Answer, own: Answer, f: Facts, t: Texts) -> Answer:
+    """answer of the night, that of these readings, facts with nights, texts → the answer of the night; where these readings are
+    newer, it says what they have found and until when it stays, as the pages of the machine do.
+    """
+    assert f.nights is not None
+    moving = night.state in ("cut_off", "moved") or night.word == t("may.not_yet")
+    if moving or f.nights.beside(f.paper.measured) != "newer" or own.may not in ("yes", "but", "no"):
+        return night
+    tip = None if f.tip is None or own.state == "doubtful" else 1e3 * f.tip.worst
+    return staying(night, own.may, tip, str(f.paper.measured), f.wishes.units, t)
 
 
 def _after(own: Answer, f: Facts, t: Texts) -> Answer:
@@ -104,9 +115,9 @@ def _old(f: Facts) -> bool:
     )
 
 
-def _run(f: Facts, by_night: bool, t: Texts) -> str:
-    """facts with nights, whether the answer is the night's → of which run its number is, and that of the other run; nothing where
-    both are one run, or where one of them knows no error.
+def _run(f: Facts, by_night: bool, t: Texts, stays: bool = False) -> str:
+    """facts with nights, whether the answer is the night's, texts, whether it says already what these readings have → of which run
+    its number is, and that of the other run; nothing where both are one run, or where one of them knows no error.
     """
     assert f.nights is not None
     beside, known = f.nights.beside(f.paper.measured), f.nights.before or f.nights.record or {}
@@ -114,7 +125,7 @@ def _run(f: Facts, by_night: bool, t: Texts) -> str:
     if beside == "own" or f.tip is None or there is None or known.get("verdict") == "doubtful":
         return ""
     here, night = (length(x, f.wishes.units) for x in (1e3 * f.tip.worst, float(there)))
-    key = f"run.night_{beside}" if by_night else "run.readings"
+    key = "run.readings" if not by_night else "run.night" if stays else f"run.night_{beside}"
     return t(key, date=day(f.nights.measured_on, t), here=here, night=night)
 
 

@@ -1,6 +1,4 @@
-"""A report that was made of readings after the newest night, and says less than a plain Yes by them: whoever answers for the
-machine asks here.
-"""
+"""A report that was made of readings after the newest night, and what it says by them: who answers for the machine asks here."""
 
 from __future__ import annotations
 
@@ -35,7 +33,7 @@ class NewerAnswer:
     value: float = 0.0
     unit: str = ""
     moved: tuple[str, float, str] | None = None
-    may: Literal["no", "but"] = "no"
+    may: Literal["no", "but", "yes"] = "no"
     grown: bool = False
 
 
@@ -50,8 +48,8 @@ def report_of(folder: Path | None) -> Path | None:
 
 def newer_answer(folder: Path | None, ended_utc: object) -> NewerAnswer | None:
     """folder of a cell, moment at which its newest night ended → what its report says, where that was made of readings that are
-    newer than that night and says less than a plain Yes; else None. A report of an earlier version says a No alone, or nothing; a
-    file that cannot be read says nothing.
+    newer than that night; else None. A report of an earlier version says no plain Yes, or a No alone, or nothing; a file that
+    cannot be read says nothing.
     """
     if not ended_utc or (file := report_of(folder)) is None:
         return None
@@ -66,9 +64,9 @@ def newer_answer(folder: Path | None, ended_utc: object) -> NewerAnswer | None:
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         return None
     night = str(ended_utc)
-    if night not in (found.get("no_after"), found.get("after")):
+    if night not in (found.get("no_after"), found.get("after"), found.get("yes_after")):
         return None
-    may: Literal["no", "but"] = "no" if found.get("no_after") == night else "but"
+    may: Literal["no", "but", "yes"] = "no" if found.get("no_after") == night else "but" if found.get("after") == night else "yes"
     measured, tip, limit = str(found.get("measured") or "")[:LONG], _number(found.get("tip_um")), _number(found.get("limit_um"))
     name, value, unit = _error(found.get("most")) or ("", 0.0, "")
     return NewerAnswer(measured, tip, limit, name, value, unit, _error(found.get("moved")), may, found.get("grown") is True)
@@ -90,12 +88,13 @@ def _number(x: Any) -> float | None:
 
 def answer_text(may: str, no_after: str | None, told: NewerAnswer, after: str | None = None) -> str:
     """whether parts may be made by a report, when the newest night ended that its No is newer than (None: none), what that rests
-    on, when the newest night ended that its readings are newer than and say less than a plain Yes → text of its report.json.
+    on, when the newest night ended that its readings are newer than → text of its report.json.
     """
     kept: Mapping[str, Any] = asdict(told)
     names = ("parameter", "value", "unit")
     most = {key: kept[key] for key in names} if told.parameter else None
     moved = None if told.moved is None else dict(zip(names, told.moved, strict=True))
     own = {key: kept[key] for key in ("measured", "tip_um", "limit_um", "grown")} | {"most": most, "moved": moved}
-    when = {"no_after": no_after or None, "after": after or no_after or None}
+    yes = told.may == "yes"
+    when = {"no_after": no_after or None, "after": None if yes else after or no_after or None, "yes_after": after if yes else None}
     return json.dumps({"format": FORMAT, "may_make_parts": may} | when | own, indent=1) + "\n"

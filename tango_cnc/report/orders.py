@@ -23,6 +23,11 @@ from .together import SAME, closed
 from .units import Units
 from .words import subject
 
+BY_NIGHT = {  # what to do that asks for a full measurement, and what it is after one that says a plain Yes
+    "morning.run_full": "todo.by_night",
+    "may.repaired_todo": "todo.by_night_repaired",
+    "night.doubtful_do": "todo.by_night_doubtful",
+}
 DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 
 
@@ -76,6 +81,8 @@ def orders(
     asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
     if is_stopped(told, t):  # the night may have let parts be made, of which newer readings say otherwise
         lines = under_a_no(lines, t)
+    if told.again:
+        lines = by_night(lines, t)
     if told.newer:
         look = [_look(told, found, t)] if told.moved else []
         lines = [x for x in lines if x != t("morning.todo_nothing")]
@@ -83,6 +90,16 @@ def orders(
         if told.state == NEWER and told.may == "no":
             lines = [*parts_since(told.after, found, record, t), *lines, t("todo.limit")]
     return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def by_night(do: Sequence[str], t: Texts) -> list[str]:
+    """what to do, texts → the same after newer readings that say a plain Yes: a night is to measure, and nobody once more by
+    hand.
+    """
+    lines = list(do)
+    for usual, asked in ((shop(t(usual), t), t(asked)) for usual, asked in BY_NIGHT.items()):
+        lines = [x.replace(usual, asked) for x in lines]
+    return lines
 
 
 def _look(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:

@@ -21,8 +21,9 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, not_seen, uncertainty, withheld
-from .later import after, no_after
+from .later import after, no_after, yes_after
 from .may import Told, grown, may, parts_first
+from .orders import by_night
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -120,6 +121,7 @@ def _of_nights(f: Facts, said: Told, t: Texts) -> list[str]:
         return []
     every, probed = (t(key) for key in ("morning.parts_first", "may.brief_probe"))
     todo = [every if x == probed and grown(f) else x for x in f.nights.todo]  # newer readings show more than the probe
+    todo = by_night(todo, t) if said.answer.again else todo
     return [x for x in todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
 
 
@@ -414,6 +416,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "may_make_parts": told.may,
         "no_after": no_after(f, said) or None,
         "after": after(f, said) or None,
+        "yes_after": yes_after(f, said) or None,
         "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,

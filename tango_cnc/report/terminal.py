@@ -8,15 +8,16 @@ from .answer import LEVELS
 from .characters import SIGNS, bar, colored, width
 from .checks import verdict
 from .facts import Facts
-from .may import may
+from .may import grown, may
 from .page import parameters, sentence
-from .texts import texts
+from .states import since_then
+from .texts import Texts, texts
 from .verdict import Level
 
 
-def summary(found: Facts, columns: int | None = None) -> str:
-    """facts of a report, columns → verdict, every check, and the largest parameters with a bar of their interval."""
-    t = texts()
+def summary(found: Facts, columns: int | None = None, t: Texts | None = None) -> str:
+    """facts of a report, columns, texts → verdict, every check, and the largest parameters with a bar of their interval."""
+    t = t or texts()
     columns = columns or width()
     judged = verdict(found, t)
     told = may(found, t)
@@ -24,7 +25,8 @@ def summary(found: Facts, columns: int | None = None) -> str:
     head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}{', ' + told.answer.old if told.answer.old else ''}."
     how = t("todo.limit_none") if told.answer.may == "unknown" and found.wishes.limit is None else ""
     number = f"{told.answer.numbers}." if told.answer.numbers else ""
-    said = (told.answer.why, number, told.run, told.cause, how, told.basis)  # what to do first stands first
+    moved = since_then(found, t, "may.moved_since") if grown(found) else ""  # else the pages and the report alone name it
+    said = (told.answer.why, number, told.run, moved, told.cause, how, told.basis)  # what to do first stands first
     lines = _headed(head, " ".join(x for x in said if x), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
     lines += _headed(head, sentence(judged, t, found.judgement.untrusted), judged.level, columns)

@@ -136,12 +136,13 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "drifts": story.drifts,
         "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
         "total": story.every,
+        "typed": [a["id"] for a in same if a["id"] and not closed(a) and not any(_undoes(a, b) and _alike(a, b) for b in same)],
         "held": [a["id"] for a in same if a["decision"] is not None and not closed(a)],
         "unmeasured": any(a.get("unmeasured") for a in same),
         "tonight": any(not a.get("older") for a in same),
         "let_be": any(a.get("let_be") for a in same) and all(a.get("let_be") or closed(a) for a in same),
         "gone": gone,
-        "gone_by": next((str(a["first"]) for a in same if gone and _undoes(a, same[0])), ""),
+        "gone_by": next((str(a["first"]) for a in same if gone and _undoes(a, same[0])), str(same[0].get("gone_by") or "")),
     }
     if gone:
         first |= _gone_back(first, story.own, story.every, how.u, how.t)
@@ -229,6 +230,11 @@ def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
 def _undoes(a: Mapping[str, Any], first: Mapping[str, Any]) -> bool:
     """alarm, the oldest of its parameter → whether it is the way back of that one."""
     return bool((a.get("undoes") or {}).get("alarm") == first["id"])
+
+
+def _alike(a: Mapping[str, Any], first: Mapping[str, Any]) -> bool:
+    """alarm of a way back, the one that it takes back → whether one answer answers both: neither has one, or both do."""
+    return not closed(first) and (a["decision"] is None) == (first["decision"] is None)
 
 
 def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: Texts) -> dict[str, Any]:

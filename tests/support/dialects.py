@@ -16,6 +16,7 @@ import pytest
 from postprocessors import companions, load, names, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
+from sim_controller.named import stand_in
 from sim_controller.probing import rig
 from sim_controller.session import families, language, profile
 from tango_cnc.estimate import estimate
@@ -65,7 +66,7 @@ def printed(name: str) -> float:
 
 
 def control_of(name: str) -> ControlOf:
-    """dialect → the control of its language, with what the simulated control of that name has of its own (`CONTROLS`)."""
+    """dialect → the control of its language, with what the simulated control of that name has of its own."""
     family = load(name).language
     if family not in families():
         raise InputError(
@@ -74,7 +75,7 @@ def control_of(name: str) -> ControlOf:
         )
     spoken, made = language(family), replace(LANGUAGES.get(family, ControlOf(family)), resolution=printed(name))
     library = beside(name) if family in BESIDE else made.library
-    own = spoken.CONTROLS.named.get(name)
+    own = stand_in(name)
     if own is None:
         return replace(made, library=library)
     settled = profile(spoken, example().machine, own.settings)
@@ -86,46 +87,6 @@ def control_of(name: str) -> ControlOf:
 def klartext(name: str) -> bool:
     """dialect → whether its blocks are numbered, and its tables lie under TNC:\\."""
     return load(name).language == "klartext"
-
-
-def row_of(name: str) -> str:
-    """dialect → where its row of the simulated controls is written."""
-    folder, family = ROOT / "sim_controller" / "languages", load(name).language
-    files = [folder / f"{family}.py", *sorted((folder / family).glob("*.py"))]
-    file = next(file for file in files if file.is_file() and "\nCONTROLS = Controls(" in file.read_text("utf-8"))
-    return f"{file.relative_to(ROOT)}: CONTROLS"
-
-
-def lacking(name: str) -> dict[str, tuple[Any, tuple[str, ...]]]:
-    """dialect → {option of its post: (default, fields of the profile of its control)} where its row states none of the fields.
-
-    That is every option that a simulated control has to share, and whose default is not the one of a control without such fields.
-    """
-    post, controls = load(name), language(load(name).language).CONTROLS
-    plain = [load(relative) for relative, row in controls.named.items() if not row.settings and relative != name]
-    usual = {(option.name, repr(option.default)) for relative in plain for option in relative.options}
-    own = controls.named[name].settings if name in controls.named else {}
-    return {
-        option.name: (option.default, fields)
-        for option in post.options
-        if plain and (fields := controls.shown_by.get(option.name)) and not set(fields) & set(own)
-        if (option.name, repr(option.default)) not in usual
-    }
-
-
-def differs(name: str) -> str:
-    """dialect → which row of the simulated controls says that its control is not that of its relatives, and what that row lacks."""
-    own = name in language(load(name).language).CONTROLS.named
-    wanted = [(option, default, fields) for option, (default, fields) in lacking(name).items()]
-    row = f'"{name}": StandIn({{{", ".join(f"{chr(34)}{fields[0]}{chr(34)}: {chr(34)}…{chr(34)}" for _, _, fields in wanted)}}}),'
-    said = [f"{option}: {default!r} (field {' or '.join(fields)} of Profile)" for option, default, fields in wanted]
-    return (
-        f"postprocessors/{name}.py: its programs run on the simulated control that {row_of(name)} says it is. "
-        + ("" if own else f"There is no row yet; write `{row.replace('({})', '()')}` there. ")
-        + (f"No relative has these defaults, and the row does not state them: {'; '.join(said)}. " if said else "")
-        + "Where that control has another word, axis number or setting than its relatives, the row states it, from the manual of "
-        "the control; where a default of an option differs, look at `cases` of tests/support/wrongcontrols.py, too"
-    )
 
 
 LENGTH = {"tool_lengths": {1: 326.674}}

@@ -1,5 +1,5 @@
-"""Of a dialect that somebody is adding, each failure says on which row of the simulated controls its programs run, and who reads
-them back."""
+"""Of a dialect that somebody is adding, each failure says which file describes the control on which its programs run, and who
+reads them back."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ import pytest
 from support.few import new
 
 
-def unlike(parameters: dict[str, Any]) -> list[str]:
-    """parameters of a case → its dialects whose simulated control has no row, or one that says nothing of an unusual default."""
-    from sim_controller.session import families, language
-    from support.dialects import EVERY, lacking
+def unlike(parameters: dict[str, Any]) -> dict[str, str]:
+    """parameters of a case → {dialect: why the file of its simulated control is missing, not looked up, or of another control}."""
+    from support.dialects import EVERY
+    from support.namedcontrols import complaint
 
-    named = {name for family in families() for name in language(family).CONTROLS.named}
     given = sorted({value for value in parameters.values() if isinstance(value, str) and value in EVERY})
-    return [name for name in given if name not in named or lacking(name)]
+    return {name: said for name in given if (said := complaint(name))}
 
 
 REFUSED = "The program is not the plan"  # the end of what the read-back says of a statement that it does not know
@@ -42,10 +41,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     report = yield
     parameters = getattr(getattr(item, "callspec", None), "params", {})
     if report.failed and any(isinstance(value, str) for value in parameters.values()):
-        from support.dialects import EVERY, differs
+        from support.dialects import EVERY
 
         shown, told = str(report.longrepr), unlike(parameters)
-        said = [(f"the simulated control of {name}", text) for name in told if (text := differs(name)) not in shown]
+        said = [(f"the simulated control of {name}", text) for name, text in told.items() if text not in shown]
         read = {name for name in parameters.values() if REFUSED in shown and isinstance(name, str) and name in {*EVERY} & new()}
         report.sections += [*said, *((f"the language of {name}", reader(name)) for name in sorted(read))]
     return report

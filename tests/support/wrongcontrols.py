@@ -20,6 +20,7 @@ from sim_controller.session import language
 from sim_controller.world import nominal_machine, tip_in_table
 from support.controls import GOLDEN, golden
 from support.dialects import EVERY
+from support.namedcontrols import numbered
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import Cell, InputError, Machine, Plan
@@ -142,7 +143,6 @@ def looks(post: Post) -> bool:
 
 
 OPTIONS = ("skip", "axis_numbers", "probe_state", "print_format")  # whose dialects `by_option` finds by what they declare
-NUMBERS = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}  # of a builder who has X and Y the other way round
 
 
 def must(post: Post) -> bool:
@@ -169,9 +169,11 @@ def by_option(name: str) -> dict[str, Case]:
         usual = str(known["skip"].default)
         other = next(word for word in WORDS if word != usual and _taken(name, {"skip": word}))
         found["skip"] = Case("alive", {"habits": {"skip_word": other}}, {}, {"skip": other}, "skip")
-    if "axis_numbers" in known and not settings.get("lettered"):
-        counted: dict[str, Any] = {"numbered": "YXZBC"} if "numbered" in has else {"axes": tuple("YXZBC")}
-        found["axis_numbers"] = Case("frames", {"habits": counted}, {}, {"axis_numbers": NUMBERS}, "axis_numbers")
+    if "axis_numbers" in known and "numbered" in has:  # of a builder who has X and Y the other way round
+        own = known["axis_numbers"].default or {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 5}
+        turned = {**own, "X": own["Y"], "Y": own["X"]}
+        counted = {"habits": {"numbered": numbered(turned)}}
+        found["axis_numbers"] = Case("frames", counted, {}, {"axis_numbers": turned}, "axis_numbers")
     if (state := known.get("probe_state")) is not None and state.must:
         example = yaml.safe_load(re.search(r"e\.g\. ([^;,\s]+)", state.meaning)[1])  # type: ignore[index]
         wired = {"habits": {"probe_variable": example}} if "probe_variable" in has else {}

@@ -1,4 +1,4 @@
-"""Which controls speak a language, and what each of them is where nobody states it."""
+"""What a language file says of all controls that speak it; those that have a name are files of `sim_controller/controls/`."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class StandIn:
-    """One control by its name: fields of its profile as `--set` takes them, lines of programs that it has stored."""
+class Shown:
+    """What a control is where its post has another default of an option than its relatives: fields of `Profile`, one of them."""
 
-    settings: Mapping[str, str] = field(default_factory=dict)
-    stored: tuple[str, ...] = ()
+    fields: tuple[str, ...]
+    look: str  # where the manual of such a control says what it is
+
+
+ORIENT = Shown(("orient",), "orientation of the spindle: the letter of the angle behind M19")
 
 
 @dataclass(frozen=True)
 class Controls:
     """What a language file says of the controls that speak it."""
 
-    named: Mapping[str, StandIn]
     wired: Mapping[str, str] = field(default_factory=dict)  # key of a profile that says how the probe is wired → field of `Profile`
-    # option of a post → fields of `Profile`: a control states one of them where its post has another default of that option
-    shown_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    shown_by: Mapping[str, Shown] = field(default_factory=dict)  # option of a post → what a control states beside it
     beside: re.Pattern[str] = re.compile(r"(?!)")  # names of files that have to be on the control besides the program

@@ -21,7 +21,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value
-from .._shared.known import Controls, StandIn
+from .._shared.known import ORIENT, Controls
 from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
@@ -80,7 +80,7 @@ class Profile:
     parameters: Decimal = Decimal(25)  # the last local one
 
 
-CONTROLS = Controls({"fagor": StandIn()}, {"probe_input": "probe_input"})
+CONTROLS = Controls({"probe_input": "probe_input"}, {"orient": ORIENT})
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -18,7 +18,7 @@ from tango_cnc.records import Array, Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Controls, StandIn
+from .._shared.known import Controls
 from .._shared.scales import shown
 from .numbers import Parameters, Refusal, code
 
@@ -77,7 +77,7 @@ class Profile:
     scaled: Mapping[str, float] = field(default_factory=dict)  # G51 of grblHAL, left on; -1 is a mirror image
 
 
-CONTROLS = Controls({"grbl": StandIn()})
+CONTROLS = Controls()
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -15,7 +15,7 @@ from tango_cnc.records import InputError, Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Silence
-from .._shared.known import Controls, StandIn
+from .._shared.known import Controls, Shown
 from .._shared.scales import TURN, commanded, endless, nearer, roll, shown
 from . import cycle_444
 from .expressions import error, formula, number, text_of
@@ -75,7 +75,10 @@ class Profile:
             raise InputError(f"--set probe_table: found {', '.join(unknown)}; allowed: {', '.join(cycle_444.TABLE)}")
 
 
-CONTROLS = Controls({"heidenhain": StandIn()}, beside=re.compile(r"[^\\/]+\.A"))
+CONTROLS = Controls(
+    shown_by={"axis_numbers": Shown(("numbered",), "FN 18: SYSREAD, ID240: which axis IDX1 is, which one IDX2 …")},
+    beside=re.compile(r"[^\\/]+\.A"),
+)
 
 
 def default_profile(machine: Machine) -> Profile:

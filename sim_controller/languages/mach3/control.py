@@ -18,7 +18,7 @@ from tango_cnc.records import Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Controls, StandIn
+from .._shared.known import ORIENT, Controls
 from ..rs274.axes import INCH, Frames
 from ..rs274.expressions import NIST, Key, Reader
 from ..rs274.program import line as read_line
@@ -49,7 +49,7 @@ class Profile:
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
-CONTROLS = Controls({"mach3": StandIn()}, beside=re.compile(r"m\d+\.m1s"))
+CONTROLS = Controls(shown_by={"orient": ORIENT}, beside=re.compile(r"m\d+\.m1s"))
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -61,9 +61,13 @@ class Axes:
         self._motion.feed(self._target(found), feed)
         self._after_move()
 
-    def skip(self, found: list[Word], feed: float) -> None:
-        """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which."""
-        self._skipped = shown(self._motion, self._profile.axes, self._motion.skip(self._target(found), feed).position)
+    def skip(self, found: list[Word], feed: float, elsewhere: bool = False) -> None:
+        """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which.
+
+        `elsewhere`: the P of the block is another skip input than that of the probe.
+        """
+        done = self._motion.skip(self._target(found), feed, elsewhere=elsewhere)
+        self._skipped = shown(self._motion, self._profile.axes, done.position)
         roll(self._motion, self._profile.rollover)
         self.settle()
 
@@ -88,7 +92,7 @@ class Axes:
     def variable(self, number: int) -> float | None:
         """#5001…, #5021…, #5041…, #5061…, #5081…, #5201… → value in the present unit; None for any other."""
         base, index = (number - 1) // 20 * 20 + 1, (number - 1) % 20
-        axes = "XYZABC" if self._profile.lettered else self._profile.axes
+        axes = self._profile.numbered or self._profile.axes
         if index >= len(axes):
             return None
         name = axes[index]
@@ -116,9 +120,10 @@ class Axes:
     def set_variable(self, number: int, value: float) -> bool:
         """number of a work offset (#5221…), value → whether it can be written and was."""
         work, index = 54 + (number - 5221) // 20, (number - 1) % 20
-        if not 54 <= work <= 59 or index >= len(self._profile.axes):
+        axes = self._profile.numbered or self._profile.axes
+        if not 54 <= work <= 59 or index >= len(axes):
             return False
-        name = self._profile.axes[index]
+        name = axes[index]
         self._offsets.setdefault(work, {})[name] = value * self._unit(name)
         return True
 

@@ -247,7 +247,8 @@ class Control:
                 raise alarm("PS0011", block.raw)
             if self._feed > self._profile.fastest_skip:
                 raise alarm("PS0035", f"{block.raw} is faster than {self._profile.fastest_skip:g}")
-            self._axes.skip(axes, self._feed)
+            wired = re.search(r"P(\d+)", self._profile.skip_word)
+            self._axes.skip(axes, self._feed, wired is not None and others["P"].value != int(wired[1]))
         elif axes and self._modal[1] == 0:
             self._axes.rapid(axes)
         elif axes:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from tango_cnc.records import Machine
 
-from .._shared.known import Controls, StandIn
+from .._shared.known import ORIENT, Controls, Shown
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,8 @@ class Profile:
     """Parameters and options of the control, with the parameter numbers of the 0i/30i families where they are known."""
 
     axes: tuple[str, ...]  # control axes 1, 2, 3 …: the order of #5001, #5021, #5041, #5061 (1020)
-    lettered: bool = False  # they go by letter X Y Z A B C instead, whether the machine has the axis or not (Haas)
+    # letters of 1, 2, 3 … instead, whether the machine has the axis or not (Haas: XYZABC); - where no axis has that number
+    numbered: str = ""
     increment: Decimal = Decimal("0.001")  # mm and deg (IS-B; IS-C is 0.0001)
     calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
@@ -30,7 +31,8 @@ class Profile:
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
-    skip_word: str = "G31"  # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555)
+    # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555); another P is another input
+    skip_word: str = "G31"
     waits: str = ""  # a block that waits for the axes besides G53, G31 and M0, e.g. G4 P0.1 or M66
     point_seconds: bool = False  # G4 P1. is a second and P1 a thousandth; else both are thousandths
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
@@ -52,25 +54,15 @@ class Profile:
     branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
 
 
-HAAS = {
-    "macros_ahead": "true",
-    "lettered": "true",
-    "point_seconds": "true",
-    "padding": "bare",
-    "overflow": "expanded",
-    "line_end": "cr",
-    "fastest_skip": "2500",
-}
+NUMBERS = "the list of system variables: which axis #5001, #5021, #5041 and #5061 are, which one #5002 …"
 CONTROLS = Controls(
-    {
-        "fanuc": StandIn(),
-        "mazak": StandIn(),
-        "mitsubishi": StandIn({"skip_feed": "own"}),
-        "haas": StandIn(HAAS),
-        "brother": StandIn(stored=("O8832", "M99", "O8833", "M99")),  # stand in for the programs that switch the probe
-    },
     {"probe_state": "probe_variable"},
-    {"axis_numbers": ("lettered", "axes"), "skip": ("skip_word",), "wait": ("waits", "macros_ahead"), "orient": ("orient",)},
+    {
+        "axis_numbers": Shown(("numbered",), NUMBERS),
+        "skip": Shown(("skip_word",), "the skip function: with which word it is called where there are several skip inputs"),
+        "wait": Shown(("waits", "macros_ahead"), "look-ahead of macros: behind which block variables are those of axes at rest"),
+        "orient": ORIENT,
+    },
 )
 
 

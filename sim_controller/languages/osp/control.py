@@ -22,7 +22,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value, held
-from .._shared.known import Controls, StandIn
+from .._shared.known import ORIENT, Controls
 from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
@@ -85,7 +85,7 @@ class Profile:
     restart: bool = False  # sequence restart: VRSTT is 128
 
 
-CONTROLS = Controls({"okuma": StandIn()})
+CONTROLS = Controls(shown_by={"orient": ORIENT})
 
 
 def default_profile(machine: Machine) -> Profile:

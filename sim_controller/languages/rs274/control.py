@@ -16,7 +16,7 @@ from tango_cnc.records import Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Controls, StandIn
+from .._shared.known import Controls
 from .axes import Frames
 from .expressions import LINUXCNC, Key, Reader
 from .program import Line, Program
@@ -54,7 +54,7 @@ class Profile:
     preview: bool = False  # nothing moves: #<_task> is 0, as for the interpreter that draws the path
 
 
-CONTROLS = Controls({"linuxcnc": StandIn()})
+CONTROLS = Controls()
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -11,7 +11,7 @@ from typing import Literal
 from tango_cnc.records import Machine
 
 from ...motion import Motion
-from .._shared.known import Controls, StandIn
+from .._shared.known import Controls
 from .._shared.scales import TURN, commanded, endless, roll, shown
 from .alarms import alarm
 
@@ -46,7 +46,7 @@ class Profile:
     room: Decimal = Decimal("1000000")  # bytes of a file in the control (MD11420)
 
 
-CONTROLS = Controls({"siemens": StandIn()}, {"probe_input": "probe_input"})
+CONTROLS = Controls({"probe_input": "probe_input"})
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -78,8 +78,8 @@ def _lines(request: Request) -> Iterator[str]:
         return said if said is not None and said.newer else None
 
     def newer_um(row: Row) -> float | None:
-        found = newer_of(row)
-        return None if found is None or newer(row) is None else found.tip_um
+        found, said = newer_of(row), answer_of(row, faults_of(row, state), state)
+        return None if found is None or said is None or not (said.newer or said.beside) else found.tip_um
 
     own = (
         ("readable", lambda row: float(not row.machine.unread)),
