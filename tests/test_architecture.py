@@ -106,6 +106,7 @@ LIBRARIES = {
     "dask": ("tango_cnc.uncertainty",),
     "distributed": ("tango_cnc.uncertainty",),
     "sqlalchemy": ("tango_cnc.history",),
+    "psycopg": ("tango_cnc.history._patience",),
     "alembic": ("tango_cnc.history",),
     "pyarrow": ("tango_cnc.history.exchange",),
     "paho": ("tango_cnc.nightly.notify", "tango_cnc.link.transport"),

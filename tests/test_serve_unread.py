@@ -37,12 +37,12 @@ def asks(place: Path, more: str = "") -> Path:
     return place
 
 
-def looked_at(site: TestClient) -> None:
-    """Every page of a server, one of whose histories cannot be read."""
+def looked_at(site: TestClient, what: str = "database") -> None:
+    """Every page of a server, one of whose histories cannot be read: a database that is off, or a file."""
     listed = " ".join(site.get("/").text.split())
     assert "Nobody knows: the history of these cannot be read" in listed and f'href="/machine/{GOOD}"' in listed
     part = listed[listed.index(f'href="/machine/{BAD}"') :]
-    assert "Ann Meier, 4711" in part and "Have the database with the history looked at" in part
+    assert "Ann Meier, 4711" in part and f"Have the {what} with the history looked at" in part
     assert max(listed.count("it cannot be read ("), listed.count("connection failed")) <= 1  # one sentence may say both
     alarms = site.get("/alarms").text
     assert "Its alarms are not known: its history cannot be read." in alarms and "Ann Meier, 4711" in alarms
@@ -57,6 +57,9 @@ def looked_at(site: TestClient) -> None:
             answer = site.get(f"/machine/{name}{page}")
             assert answer.status_code == 200, (name, page)
             assert page or wanted in answer.text
+            assert ("What the nights have found cannot be shown" in answer.text) == bool(page and name == BAD)
+            assert "No night has estimated a parameter" not in answer.text and "All 0 nights" not in answer.text
+    assert "One can be written when the history can be read." in site.get(f"/machine/{BAD}/report").text
     assert "This machine was never measured" not in site.get(f"/machine/{BAD}").text
 
 
@@ -66,7 +69,19 @@ def test_a_history_that_breaks_takes_no_page_of_another_machine(tmp_path: Path) 
     with site_of(good, bad) as site:
         assert site.get("/alarms").text.count('class="alarm-card') == 2
         spoil(bad / "history.db")
-        looked_at(site)
+        looked_at(site, "file")
+
+
+def test_a_place_of_a_history_that_is_stated_wrongly_has_an_order_of_its_own(tmp_path: Path) -> None:
+    """Of a variable that is missing: "whether it is switched on, and the network between"."""
+    bad = asks(cell(tmp_path / "bad", BAD, []), "history: postgresql://tango:${TANGO_NO_SUCH_VARIABLE}@127.0.0.1:1/x\n")
+    with site_of(bad) as site:
+        for path in ("/metrics", "/", "/alarms", f"/machine/{BAD}"):  # /metrics of a server that nobody has asked yet
+            text = site.get(path).text
+            if path == "/metrics":
+                assert f'tango_machine_readable{{machine="{BAD}"}} 0' in text
+            else:
+                assert "Have the way to the history looked at: the place that nightly.yaml states" in text, path
 
 
 def test_a_decision_that_no_history_takes_says_so(tmp_path: Path) -> None:

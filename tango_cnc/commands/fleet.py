@@ -249,7 +249,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late and s.last else ""
         how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
         busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
-        by_page = _told(row.told, t)
+        measured = s.last is not None and s.last.verdict != "not_measured"
+        by_page = "" if measured and row.told is not None and row.told.beside else _told(row.told, t)  # its verdict says the No
         late = busy or row.moving or by_page or late
         known = () if row.told is None else in_short(row.told) if by_page else (unstopped(row.told.beside),)
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"

@@ -1,7 +1,7 @@
 """Everything that every night found, append-only, in SQLite or PostgreSQL: docs/nightly.md."""
 
 from ._answers import UnreadableError
-from ._database import shown
+from ._database import refused, shown
 from .compensated import add_compensations, compensations
 from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend
 from .store import FORMAT, History, opened
@@ -21,5 +21,6 @@ __all__ = [
     "add_compensations",
     "compensations",
     "opened",
+    "refused",
     "shown",
 ]

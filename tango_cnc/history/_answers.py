@@ -13,8 +13,10 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import Dialect, Engine, Float, Integer, LargeBinary, Row, Select, String
+from sqlalchemy.exc import OperationalError
 
 from ..records import LinkError
+from ._patience import gave_up
 
 PLAIN = (Integer, Float, String, LargeBinary)  # kinds of columns that both drivers answer as they are
 
@@ -54,6 +56,8 @@ def answers(engine: Engine, wanted: Select[Any], given: Mapping[str, Any] | None
                 except driver.OperationalError as error:  # one that is gone is not put back, which fails with a traceback
                     if engine.dialect.is_disconnect(error, connection.dbapi_connection, None):
                         connection.invalidate(error)
+                    if gave_up(error):
+                        raise OperationalError(said.text, None, error) from None
                     raise
         except (driver.Error, UnicodeDecodeError):
             pass  # asked once more below, where what is wrong is said as everywhere else

@@ -16,16 +16,19 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, Operati
 from ..files.checked import printable
 from ..files.environment import filled
 from ..records import InputError, LinkError
+from ._patience import patient
 
 HEAD = "0003"
-SILENT = 10  # s in which a server has to answer
+SILENT = 10  # s in which a server has to take a connection
+PATIENT = 120.0  # s for which it may be silent then
 WAIT = 30  # s that a writer waits for another one
 ALLOWED = "the name of an SQLite file, or postgresql://user:${NAME}@host/database, NAME of a variable of the environment"
 REFUSED = ("authentication", "password", "role ")  # in what PostgreSQL says when it is the user who is wrong
 
 
-def connect(where: str | Path, create: bool = True) -> Engine:
-    """file name, or URL of sqlite or postgresql → engine, schema of this version.
+def connect(where: str | Path, create: bool = True, patience: float | None = None) -> Engine:
+    """file name, or URL of sqlite or postgresql, whether a file is made, s for which somebody waits for a server who asks again and
+    again (None: a command, which waits for longer) → engine, schema of this version.
 
     Raises InputError for what is no such place, LinkError where the database does not answer.
     """
@@ -42,12 +45,14 @@ def connect(where: str | Path, create: bool = True) -> Engine:
     if fixed and file is not None:
         url = _read_only(url, file)
     try:
-        engine = create_engine(url, **_how(url))
+        engine = create_engine(url, **_how(url, patience))
     except (NoSuchModuleError, ModuleNotFoundError) as error:
         raise InputError(f"history: no driver for {url.drivername} ({error}); pip install 'tango-cnc[postgres]'") from None
     if url.get_backend_name() == "sqlite":
         event.listen(engine, "connect", _kept if fixed else _durable)
         event.listen(engine, "begin", _begin)
+    else:
+        patient(engine, patience or PATIENT, patience is not None)
     try:
         _migrate(engine)
     except BaseException as error:
@@ -63,19 +68,24 @@ def connect(where: str | Path, create: bool = True) -> Engine:
     return engine
 
 
-def _how(url: URL) -> dict[str, Any]:
-    """URL of a database → how it is connected to: nobody waits for minutes for a server that does not answer, and a connection that
-    a restart of it has ended is made anew.
+def _how(url: URL, patience: float | None) -> dict[str, Any]:
+    """URL of a database, s for which a page waits (None: none does) → how it is connected to: nobody waits for minutes for a server
+    that does not answer, and a connection that a restart of it has ended is made anew.
     """
     if url.get_backend_name() == "sqlite":
         return {"connect_args": {"timeout": WAIT}}
     stated = "connect_timeout" in url.query or "PGCONNECT_TIMEOUT" in os.environ
-    return {"pool_pre_ping": True} | ({} if stated else {"connect_args": {"connect_timeout": SILENT}})
+    return {"pool_pre_ping": True} | ({} if stated else {"connect_args": {"connect_timeout": round(patience or SILENT)}})
+
+
+def refused(error: Exception) -> bool:
+    """what a database has said → whether it does not take this user."""
+    return any(word in str(error) for word in REFUSED)
 
 
 def _look_at(error: OperationalError) -> str:
     """what the database refused → what a person looks at."""
-    if any(word in str(error.orig) for word in REFUSED):
+    if error.orig is not None and refused(Exception(error.orig)):
         return "are user and password right? In the URL ${NAME} is a variable of the environment; PGPASSWORD and ~/.pgpass do too"
     return "is the database there, is there room on its disk, and may this user write?"
 

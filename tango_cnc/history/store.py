@@ -417,9 +417,9 @@ class History:
 
 
 @contextmanager
-def opened(where: str | Path, create: bool = True) -> Iterator[History]:
-    """file name or URL → history. Raises InputError for no such place, LinkError where the database does not answer."""
-    history = History(connect(where, create))
+def opened(where: str | Path, create: bool = True, patience: float | None = None) -> Iterator[History]:
+    """as `connect` → history. Raises InputError for no such place, LinkError where the database does not answer."""
+    history = History(connect(where, create, patience))
     try:
         yield history
     finally:

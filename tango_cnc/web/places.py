@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import os
+import threading
 import time
 import zlib
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -16,12 +16,12 @@ from typing import Any
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..history import History, Night, Standing, UnreadableError, opened
+from ..history import History, Night, Standing, UnreadableError, opened, refused
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
 from ..link.lock import broken_off, cut_off, ended
-from ..records import Cell, Machine, TangoError
+from ..records import Cell, InputError, Machine, TangoError
 from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from ..report.signs import of_night
@@ -35,7 +35,18 @@ LOOKED = 1.0  # s that the files of a cell are not looked at again
 FEW = 20  # machines whose nights are read one by one where only theirs have changed
 CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
 AWAY = 15.0  # s that a history that does not answer is not asked again
+PATIENCE = 5.0  # s for which a page waits for a database that takes the connection and is silent
 STRIP = 30  # nights of the strip beside a machine
+
+
+@dataclass(frozen=True)
+class Away:
+    """A history that does not answer: until when nobody asks it, why, its file, and what somebody has to look at."""
+
+    until: float
+    why: str
+    file: object
+    kind: str  # database, file, settings
 
 
 class Places(Remembered):
@@ -51,7 +62,8 @@ class Places(Remembered):
         self._nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = {}  # by history: entries, nights
         self._unsure: dict[int, dict[int, bool]] = {}  # by history and entry: whether nobody knows if it is within a limit
         self._cells: dict[Path, tuple[float, Stamp, Cell | str]] = {}
-        self._off: dict[str, tuple[float, str, object]] = {}  # histories that do not answer: until when, why, their file
+        self._off: dict[str, Away] = {}  # histories that do not answer
+        self._asking: set[str] = set()  # of these, those that a thread asks
         self._listed: tuple[str, ...] = ()  # machines of the history of all, when it was last read
         self._newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = {}  # by history: newest records
         self._nightlies: dict[Path, tuple[float, Nightly | TangoError]] = {}
@@ -92,7 +104,7 @@ class Places(Remembered):
 
     def _machines(self) -> dict[str, Served]:
         where = self.settings.history
-        shared, off = self._reached(where) if where else (None, "")
+        shared, off = self._reached(where) if where else (None, None)
         found: dict[str, Served] = {}
         for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
@@ -101,13 +113,13 @@ class Places(Remembered):
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
-            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else why, bool(why))
+            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else _why(why), _kind(why))
         if shared is not None:
             self._listed = shared.machines()
         for name in self._listed:
-            found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, off, bool(off)))
-        if off and not found:
-            raise UnreadableError(off.removeprefix("history: "), None)
+            found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, _why(off), _kind(off)))
+        if off is not None and not found:
+            raise UnreadableError(off.why.removeprefix("history: "), None)
         return self._with_former(found)
 
     def _with_former(self, found: dict[str, Served]) -> dict[str, Served]:
@@ -219,30 +231,59 @@ class Places(Remembered):
         self._cells[folder] = (now, stamp, cell)
         return cell
 
-    def _of_cell(self, folder: Path) -> tuple[History | None, str]:
-        """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, else ''."""
+    def _of_cell(self, folder: Path) -> tuple[History | None, Away | None]:
+        """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, where that is so."""
         try:
             settings = self.nightly(folder)
         except TangoError:  # the night itself tells what is wrong with the file
             settings = Nightly()
         return self._reached(str(history_of(folder, settings)), must=False)
 
-    def _reached(self, where: str, must: bool = True) -> tuple[History | None, str]:
+    def _reached(self, where: str, must: bool = True) -> tuple[History | None, Away | None]:
         """file or URL of a history, whether it has to be there → the history (None: it does not answer, or nobody has begun it),
-        and why it does not answer, else ''. The server asks one that does not answer again after a while, not at every look.
+        and why it does not answer. The server asks one that does not answer again after a while, not at every look, and no page
+        waits for a database a second time.
         """
-        until, why, file = self._off.get(where, (-math.inf, "", None))
-        if self.clock() < until and file == _look(where):
-            return None, why
+        away = self._off.get(where)
+        if away is not None and self.clock() < away.until and away.file == _look(where):
+            return None, away
+        if away is not None and "://" in where:
+            self._ask_beside(where)
+            return None, away
         try:
             history = self._history(where, must)
             if history is not None and "://" in where:
                 history.machines()  # a server that was open may have been switched off
         except TangoError as error:
-            self._off[where] = self.clock() + AWAY, str(error), _look(where)
-            return None, str(error)
+            away = self._off[where] = self._away(where, error)
+            return None, away
         self._off.pop(where, None)
-        return history, ""
+        return history, None
+
+    def _away(self, where: str, error: TangoError) -> Away:
+        """file or URL of a history, what it has raised → that it does not answer from now on."""
+        kind = "file" if "://" not in where else "settings" if isinstance(error, InputError) or refused(error) else "database"
+        return Away(self.clock() + AWAY, str(error), _look(where), kind)
+
+    def _ask_beside(self, where: str) -> None:
+        """URL of a history that did not answer → a thread asks it again, where none does yet; once it answers, pages read it."""
+        with self._lock:
+            if where in self._asking:
+                return
+            self._asking.add(where)
+
+        def ask() -> None:
+            try:
+                with opened(where, create=False, patience=PATIENCE) as history:
+                    history.machines()
+                self._off.pop(where, None)
+                self.forget()
+            except TangoError as error:
+                self._off[where] = self._away(where, error)
+            finally:
+                self._asking.discard(where)
+
+        threading.Thread(target=ask, name="tango asks a history", daemon=True).start()
 
     def is_off(self, error: UnreadableError) -> bool:
         """what was raised while a page was made → whether one of the histories has just gone away: the next look at the machines
@@ -251,7 +292,8 @@ class Places(Remembered):
         where = next((w for w, h in self._histories.items() if h.engine is error.engine), "")
         if not where:
             return False
-        self._off[where] = self.clock() + AWAY, str(error), _look(where)
+        self._off[where] = self._away(where, error)
+        self._histories[where].engine.dispose()  # its other connections are no better
         self.forget(self._histories[where])
         return True
 
@@ -261,7 +303,7 @@ class Places(Remembered):
             return known
         if not must and "://" not in where and not Path(where).exists():
             return None
-        history = self._stack.enter_context(opened(where, create=False)).as_of(lambda: datetime.now(UTC))
+        history = self._stack.enter_context(opened(where, create=False, patience=PATIENCE)).as_of(lambda: datetime.now(UTC))
         if known is not None:  # another file of this name: 'tango history restore', or a folder that was put back
             known.engine.dispose()
             self._replaced.append(known)
@@ -353,6 +395,16 @@ class Places(Remembered):
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
+
+
+def _why(away: Away | None) -> str:
+    """history that does not answer, None for none → why; ''."""
+    return "" if away is None else away.why
+
+
+def _kind(away: Away | None) -> str:
+    """history that does not answer, None for none → what somebody has to look at; ''."""
+    return "" if away is None else away.kind
 
 
 def _look(where: str) -> object:

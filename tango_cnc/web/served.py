@@ -21,7 +21,7 @@ class Served:
     folder: Path | None
     history: History | None
     trouble: str = ""  # why its cell cannot be read
-    unread: bool = False  # whether it is its history that cannot be read, so that nothing is known of its nights
+    unread: str = ""  # what somebody has to look at whose history cannot be read (database, file, settings): nothing is known then
     former: tuple[str, ...] = ()  # nights cut off, what its cell has under other names, or dated in the future, as sentences
 
 

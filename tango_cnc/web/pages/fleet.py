@@ -151,7 +151,13 @@ def _unread(row: Row, state: PagesState) -> dict[str, Any]:
     """row of one whose history cannot be read, state → what the list says of it: that nobody knows, what to do and whom to call."""
     t = state.texts
     call = to_ask(asked_of(row, state), (), t)
-    return {"group": "unread", "brief": ("", ""), "word": t("may.unread"), "call": call, "todo": t("web.unread_do")}
+    return {
+        "group": "unread",
+        "brief": ("", ""),
+        "word": t("may.unread"),
+        "call": call,
+        "todo": t(f"web.unread_do_{row.machine.unread}"),
+    }
 
 
 def _answered(told: Answer, busy: str, t: Texts) -> dict[str, str]:
