@@ -16,11 +16,12 @@ import numpy as np
 from ..records import COMPONENTS, Array, Machine
 from ..terms import Coefficient
 from ..texts import say
-from ._line import AxisLine, Motion, across, line_of, motions
+from ._line import AxisLine, across, line_of, motions
 from .trajectory import Reference, Trajectory, relative, trajectory
 
 PERPENDICULAR = 1e-6
 LEVELS = 5  # poses along each linear axis
+ROTARY = 2  # of the points of a rotary axis every second one: both ends of what was touched are among them
 
 
 @dataclass(frozen=True)
@@ -67,27 +68,34 @@ def asked(
             line = line_of(machine, machine.axis(name), coefficients, *over[name])
             degrees = (float(np.degrees(over[name][0])), float(np.degrees(over[name][1])))
             moves = motions(line)
-            found += [Ask(m.kind, m.name, m.unit, m.factor, m.curve[::3], m.name, degrees, m.note) for m in moves]
-            found += _total(name, line, {m.name: m for m in moves}, degrees)
+            found += [Ask(m.kind, m.name, m.unit, m.factor, m.curve[::ROTARY], m.name, degrees, m.note) for m in moves]
+            found += _total(name, line, degrees)
     if len(names) == 3:
         found += _volumetric(machine, coefficients, over, at)
     return found
 
 
-def _total(name: str, line: AxisLine, moves: Mapping[str, Motion], over: tuple[float, float]) -> list[Ask]:
-    """Radial and tilt error motion in the rotating sensitive direction: what a tool or feature that turns with the axis sees."""
+def _total(name: str, line: AxisLine, over: tuple[float, float]) -> list[Ask]:
+    """Radial and tilt error motion in the rotating sensitive direction: what a tool or feature that turns with the axis sees.
+
+    An indicator that turns with the axis reads one component of the body. Its polar plot loses the least-squares circle, which is
+    1, cos and sin of the angle (ISO 230-7:2015), over the angles that there are. The axis average line is found from both fixed
+    directions together: only over whole turns is the rest of both the same. What tilts along a direction turns about the other one.
+    """
     j, k = across(line)
-    angle = (line.sense * line.command)[::3, None]
+    angle = line.sense * line.command
+    circle = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+    part = np.ones((len(angle), 1))  # of the record: half a step at either end, so that the circle is that of the curve
+    part[[0, -1]] = np.sqrt(0.5)
     found = []
-    for kind, letters in (("radial", "XYZ"), ("tilt", "ABC")):
-        pair = [moves.get(f"E{letters[i]}{name}") for i in (j, k)]
-        if pair[0] is None or pair[1] is None:
+    for kind, i, unit, factor in (("radial", j, "µm", 1e3), ("tilt", 3 + k, "µrad", 1e6)):
+        body = line.along[i]
+        if not body.any():
             continue
-        first, second = (np.asarray(m.curve)[::3] for m in pair if m is not None)
-        curve = np.cos(angle) * first + np.sin(angle) * second
-        own = f"E{letters[j]}{name}"
-        note = say("iso_said.onpart.rotating", axis="XYZ"[j])
-        found.append(Ask(kind, say("iso_said.onpart.turning", axis=name), pair[0].unit, pair[0].factor, curve, own, over, note))
+        curve = (body - circle @ np.linalg.lstsq(part * circle, part * body, rcond=None)[0])[::ROTARY]
+        note = say("iso_said.onpart.rotating" if kind == "radial" else "iso_said.onpart.tilting", axis="XYZ"[j], about="XYZ"[k])
+        own = f"E{COMPONENTS[i]}{name}"
+        found.append(Ask(kind, say("iso_said.onpart.turning", axis=name), unit, factor, curve, own, over, note))
     return found
 
 

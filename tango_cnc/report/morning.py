@@ -247,6 +247,7 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
         ],
         "edited": whole_sentence(sentence(plain((record.get("edited") or {}).get("text"), u, t, machine), Units())),
         "warm": whole_sentence(sentence(plain((record.get("temperature") or {}).get("text"), u, t, machine), Units())),
+        "unalarmed": _unalarmed(record, u, t, machine),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
@@ -306,6 +307,17 @@ def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None)
     since = x.get("since")  # older records do not have it
     told = whole_sentence(sentence(plain(x.get("text"), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
+
+
+def _unalarmed(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """record, units, texts, chain of axes → what has moved without an alarm, as a sentence of the shop; '' for nothing, and where
+    an alarm says it.
+    """
+    trend = record.get("trend") or {}
+    own = (a for key in ("standing", "unheard") for a in record.get(key) or ())
+    if any(a.get("parameter") == trend.get("parameter") and a.get("rate_per_day") for a in own):
+        return ""  # that goes on is what its alarm says
+    return whole_sentence(sentence(plain(trend.get("text"), u, t, machine), Units()))
 
 
 def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, machine: Machine | None) -> list[str]:

@@ -282,7 +282,7 @@ class Truth:
                 error = (second - first + np.pi / 2) % np.pi - np.pi / 2
                 found["squareness", f"E{'ABC'[about]}(0{a}){b}"] = 1e6 * error
         for a in self.rotary:
-            found |= self._rotary(a, np.linspace(*over[a], 241))
+            found |= self._rotary(a, np.linspace(*over[a], 721))
         return found | self._volume(over, rest)
 
     def _volume(self, over: dict[str, tuple[float, float]], rest: dict[str, float]) -> dict[tuple[str, str], float]:
@@ -318,7 +318,9 @@ class Truth:
             rest = fixed - matrix @ np.linalg.lstsq(matrix, fixed, rcond=None)[0]
             found[kind, f"E{letters[j]}{a}"] = factor * float(np.ptp(rest.real))
             found[kind, f"E{letters[k]}{a}"] = factor * float(np.ptp(rest.imag))
-            found[kind, f"{a} rotating"] = factor * float(np.ptp((rest * np.conj(spin)).real))
+            plot = e[:, first + j] if kind == "radial" else e[:, first + k]  # of an indicator that turns with the axis
+            circle = np.stack([np.ones(len(q)), np.cos(q), np.sin(q)], axis=1)
+            found[kind, f"{a} rotating"] = factor * float(np.ptp(plot - circle @ np.linalg.pinv(circle) @ plot))
         return found
 
 
