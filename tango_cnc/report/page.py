@@ -380,7 +380,7 @@ def titled(name: str, machine: Machine | None, t: Texts) -> str:
 
 
 def of_compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
-    """what is on record of a compensation, units, texts → the same as a page shows it: rows of numbers, bars, its state, its date."""
+    """what is on record of a compensation, units, texts → the same as a page shows it: numbers, bars, state, date."""
     sizes = [(name, [None if v is None else float(v) * u.per_micron for v in values]) for name, *values in c["rows"]]
     named = [(t(f"compensation.{name}", unit=u.small), values) for name, values in sizes]
     rows = [(name, *("–" if v is None else f"{v:.1f}" for v in values)) for name, values in named]
