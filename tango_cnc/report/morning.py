@@ -14,6 +14,7 @@ from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
+from .decimals import decimals_of_page
 from .engineer import numbers
 from .faults import accepted, answered, begun, faults, for_setting_up, of_probe, settled, still_open
 from .newer import NewerAnswer
@@ -64,8 +65,9 @@ def render(
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
     known: dict[str, Any] = {"before": before, "within": within, "never": never, "volumes": volumes, "events": events}
-    values = context(record, decisions, units, texts_of(folder), **known, signs=signs, unsure=unsure)
-    return rendered(environment(folder), "morning.html", values)
+    t = texts_of(folder)
+    values = context(record, decisions, units, t, **known, signs=signs, unsure=unsure)
+    return decimals_of_page(rendered(environment(folder), "morning.html", values), t)
 
 
 def context(
