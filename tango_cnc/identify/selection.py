@@ -11,7 +11,7 @@ import numpy as np
 from .. import kinematics
 from ..model import PLACEMENT, STYLUS, Model, setup_coefficient, setup_names
 from ..records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
-from ..terms import Coefficient, backlash, error_motion, find, inter_axis
+from ..terms import SCALES, Coefficient, backlash, error_motion, find, inter_axis
 from ..texts import say
 from ..touches import Touches, of_facets
 from .rank import TOLERANCE, blurred, columns, independent
@@ -26,16 +26,17 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of X
+    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of `reference`
+    reference: str = "EXX1"
 
     @property
     def mismatch(self) -> bool:
-        """→ whether the touches show gains only as differences to that of X: nothing shows the absolute scale."""
+        """→ whether the touches show gains only as differences to that of one axis: nothing shows the absolute scale."""
         return bool(self.relative)
 
     def label(self, name: str) -> str:
         """coefficient → the name under which its value may be reported."""
-        return f"{name}-EXX1" if name in self.relative else name
+        return f"{name}-{self.reference}" if name in self.relative else name
 
     def without_machine(self, command: str, so: str) -> str:
         """command, what follows → the sentence for a model without an error of the machine: not asked for, or not seen."""
@@ -51,24 +52,54 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     wanted = _wanted(machine, terms, degree)
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
     setup = [setup_coefficient(name) for name in setup_names(touches, calibrated)]
-    kept, left, matrix, could = _visible(touches.nominal, setup, wanted)
+    found = _visible(touches.nominal, setup, wanted)
+    kept, left, matrix, could = _with_gauge(touches.nominal, setup, wanted, found)
     noisy = blurred(Model(touches.nominal, tuple(kept)), matrix, could, {c.name for c in wanted})
     kept, left = [c for c in kept if c.name not in noisy], left | noisy
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
-    relative = _relative_to_x(left["EXX1"], names) if "EXX1" in {*left} & asked else frozenset()
-    return Selection(model, unseen, relative)
+    for reference in ("EXX1", "EYY1", "EZZ1"):
+        if reference in {*left} & asked and (relative := _relative_to(left[reference], names)):
+            return Selection(model, unseen, relative, reference)
+    return Selection(model, unseen)
 
 
-def _relative_to_x(scale: Combination, fitted: set[str]) -> frozenset[str]:
-    """combination that moves the touches as EXX1 does (of EXX1 alone where it is too faint), fitted coefficients → gains of which
-    the touches show only the difference to EXX1.
+def _relative_to(scale: Combination, fitted: set[str]) -> frozenset[str]:
+    """combination that moves the touches as a gain does (of EXX1 alone where it is too faint), fitted coefficients → gains of which
+    the touches show only the difference to it.
     """
-    gains = {"EYY1", "EZZ1"} & fitted
+    gains = {*SCALES} & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))
-    return frozenset(name for name in gains if not known or abs(known.get(name, 0.0) - 1) < 0.01)
+    alone = not known and scale.names == ("EXX1",)
+    return frozenset(name for name in gains if alone or abs(known.get(name, 0.0) - 1) < 0.01)
+
+
+Visible = tuple[list[Coefficient], dict[str, Combination], Array, Array]
+
+
+def _with_gauge(touches: Touches, setup: list[Coefficient], wanted: list[Coefficient], found: Visible) -> Visible:
+    """touches, coefficients, what `_visible` found → the same with the gain of another axis left out where X gives no scale.
+
+    Where the only rotary axis turns about X, no touch compares X with the other axes, and their common scale is left over. It
+    moves the touches as a place of the rotary axis does, a few mm from the origin: without that place, 30 µm of it would become
+    a scale of thousands of µm/m. So of both the one is left out whose usual size changes the others less.
+    """
+    left, sizes = found[1], touches.machine.tolerances
+    if "EXX1" not in left or {*SCALES} & {*left["EXX1"].names[1:]}:
+        return found
+    names = {c.name: c.unit for c in wanted}
+    for combination in (left[name] for name in left if name in names and name not in SCALES):
+        weights = dict(zip(combination.names, combination.weights, strict=True))
+        for reference in (name for name in ("EYY1", "EZZ1") if name in weights):
+            own = sizes.location if names[combination.names[0]] == "mm" else sizes.angle
+            if abs(weights[reference]) * own <= sizes.scale:  # it changes the gain by less than a gain usually is
+                continue
+            again = _visible(touches, setup, sorted(wanted, key=lambda c: (c.name == "EXX1", c.name == reference)))
+            if {*again[1]} == {*left} - {combination.names[0]} | {reference}:
+                return again
+    return found
 
 
 def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Coefficient]:
@@ -86,7 +117,7 @@ def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Co
             continue
         names.add(c.name)
         result.append(c)
-    # The isotropic scale goes last, so that where it cannot be seen it is EXX1 that is left out.
+    # The isotropic scale goes last, so that where it cannot be seen it is EXX1 that is left out (else: `_with_gauge`).
     result.sort(key=lambda c: c.name == "EXX1")
     return result
 
@@ -121,9 +152,7 @@ def never_seen(machine: Machine, fitted: Sequence[str]) -> list[str]:
     return [say("unseen_said.backlash_of_no_plan", name=name, axis=axis) for axis, name in left.items()]
 
 
-def _visible(
-    touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]
-) -> tuple[list[Coefficient], dict[str, Combination], Array, Array]:
+def _visible(touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]) -> Visible:
     """→ coefficients kept; what is left out, in words; `columns` of the model of those kept.
 
     Facets and balls come first, then the setup, then the machine.

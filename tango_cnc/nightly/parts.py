@@ -74,7 +74,7 @@ def estimated(followed: Frame, readings: Readings, after: State, tonight: Tonigh
     gaps, jacobian = linearise(model, values)
     offsets, rows, uncertainty = known(model, values)
     sigma = float(np.sqrt(tonight.noise[0] / tonight.noise[1])) if tonight.noise[1] > 0 else sigma_of(after)
-    selection = Selection(model, followed.selection.unseen, followed.selection.relative)
+    selection = Selection(model, followed.selection.unseen, followed.selection.relative, followed.selection.reference)
     return Estimate(
         selection,
         values,
