@@ -206,7 +206,9 @@ def made_over(cell: Path, figures: dict[str, Any]) -> None:
         assert "".join(one["axis"] for one in over) == axes
         for one in over:
             places = [float(row[next(key for key in row if key.split("_")[0] == one["axis"])]) for row in touched]
-            assert one["range"] == pytest.approx([min(places), max(places)]) and one["unit"] == ("mm" if one["axis"] in "XYZ" else "°")
+            assert one["range"] == pytest.approx([min(places), max(places)]) and one["unit"] == (
+                "mm" if one["axis"] in "XYZ" else "°"
+            )
             assert one["travel"] == pytest.approx(travel[one["axis"]]["travel"])
             assert 1 < one["positions"] <= len(set(places))
     assert figures["straightness EXZ"]["note"] == "about the least-squares line"
