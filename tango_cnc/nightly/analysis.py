@@ -60,7 +60,7 @@ from .standing import by_urgency, since_full, standing, unheard
 from .stylus import crept, tip_of
 from .swings import as_swing, without_swing
 from .trend import UNLEARNED, drift, looking_ahead, slopes
-from .warmth import as_warm_as, unknown, with_warmth
+from .warmth import as_sure_as, as_warm_as, unknown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -292,8 +292,10 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
-        tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth) if trusted else None
-        waiting, silent = (as_warm_as(of, now, tonight is not None, date_of(day), u.recent) for of in (waiting, silent))
+        tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth)
+        heard_tonight = not told_of_sensors(u.sensors, self.settings.sensor, date_of(day)).get("doubt")
+        waiting, silent = (as_warm_as(of, now, heard_tonight, date_of(day), u.recent) for of in (waiting, silent))
+        waiting = as_sure_as(waiting, None if tonight is None else now, u.recent)
         waiting = by_urgency([as_swing(a, u.recent, tonight) for a in waiting])
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
