@@ -93,6 +93,8 @@ def test_without_any_voice_the_machine_is_taken_to_be_as_warm_as_the_sensor_said
     alarm = {"cause": "scale", "do": "Check the scale.", "instead": ["EXX"]}
     asked = see_to_it_first([alarm], found)[0]
     assert asked["instead"] == ["temperature", "EXX"] and asked["do"].startswith("See first whether the temperature sensor")
+    knock = alarm | {"cause": "axis_location", "unit": "mm", "size": 0.060}  # 12 K would be needed
+    assert see_to_it_first([knock], found)[0] == knock and see_to_it_first([knock | {"size": -0.018}], found)[0] != knock
     assert counted(read(bed=[NAN] * 4), records[0]["sensors"]).temperatures["bed"] == pytest.approx(np.full(4, 23.15))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from ..history import Decision
 from ..report.compensated import held
 from ..report.days import days_between
+from ..report.decimals import decimals
 from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night, stories
 from ..report.right import by_its_whole, without_full
@@ -67,7 +68,7 @@ def message(
         "",
         *_measured(record, newest, t),
     ]
-    return _subject(record, t), "\n".join(lines) + "\n"
+    return decimals(_subject(record, t), t), decimals("\n".join(lines) + "\n", t)
 
 
 def _subject(record: Mapping[str, Any], t: Texts) -> str:
