@@ -6,8 +6,9 @@
     prediction   how far the next run, on another day, will be from the mean; what no repetition shows acts alike in both
 
 Days are drawn at random, and so are runs within a day. Where they fall on one day alone, what changes from day to day is not
-seen. No number is smaller than runs alone make it: the variance between days cannot be below 0. Source: variance components of a balanced nested design (ISO 5725-3; JCGM 100:2008, H.5), Satterthwaite's degrees of freedom
-(G.4); intervals of sums of mean squares after Graybill and Wang (1980).
+seen. No number is smaller than runs alone make it: the variance between days cannot be below 0. Source: variance components of a
+balanced nested design (ISO 5725-3; JCGM 100:2008, H.5), Satterthwaite's degrees of freedom (G.4); intervals of sums of mean
+squares after Graybill and Wang (1980).
 """
 
 from __future__ import annotations
