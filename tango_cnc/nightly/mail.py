@@ -17,8 +17,9 @@ from ..report.texts import Texts, code, texts
 from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
-from ..texts import Said, instead, say
+from ..texts import Said, instead, say, unstopped
 from ..texts.number import number
+from .doubt import is_small, left_over
 from .first import owner_of, parts_first
 from .words import beside, value, what_of
 
@@ -186,6 +187,8 @@ def _besides(record: Mapping[str, Any], t: Texts) -> list[str]:
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
     if why := record.get("undiagnosed"):
         lines.append(f"* {t('night.undiagnosed', why=str(why).rstrip('.'))}")
+    if record["verdict"] != "doubtful" and left_over(found := record.get("diagnosis") or {}) and is_small(found):
+        lines.append(f"* {t('night.left_small', what=unstopped(t.of(found['unexplained'][0]['text'])))}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
         text = change["text"]
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
