@@ -78,14 +78,16 @@ def repetitions(values: Array, fixed: Array, probability: float = 0.95) -> Repet
         of_mean = np.array([1.0 / k, 0.0][: len(parts)])
         one = np.array([1.0, 1.0 - 1.0 / j][: len(parts)])
     constant = np.asarray(fixed) ** 2
-    asked = ((of_mean, constant, 1.0 / (k * j)), (one, constant, 1.0), (one + of_mean, 0 * constant, 1.0 + 1.0 / (k * j)))
-    found = []
-    for weights, known, alone in asked:
+
+    def of(weights: Array, known: Array, alone: float) -> Spread:
         spread = _spread(weights, parts, known, probability)
-        if k > 1 and j > 1:
-            spread = _at_least(spread, _spread(np.array([alone]), parts[1:], known, probability))
-        found.append(spread)
-    return Repetitions(mean, *found, k, j)
+        if k == 1 or j == 1:
+            return spread
+        return _at_least(spread, _spread(np.array([alone]), parts[1:], known, probability))
+
+    share = 1.0 / (k * j)
+    one_run, later = of(one, constant, 1.0), of(one + of_mean, 0 * constant, 1.0 + share)
+    return Repetitions(mean, of(of_mean, constant, share), one_run, later, k, j)
 
 
 def _at_least(spread: Spread, runs: Spread) -> Spread:
