@@ -11,13 +11,14 @@ import numpy as np
 from .. import kinematics
 from ..model import PLACEMENT, STYLUS, Model, setup_coefficient, setup_names
 from ..records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
-from ..terms import Coefficient, backlash, error_motion, find, inter_axis
+from ..terms import SCALES, Coefficient, backlash, error_motion, find, inter_axis
 from ..texts import say
 from ..touches import Touches, of_facets
 from .rank import TOLERANCE, blurred, columns, independent
 from .words import describe
 
 SUBSETS = ("S1", "S2", "S3", "S4")
+REFERENCES = ("EXX1", "EYY1")  # the gain from which the others count where only their differences are seen; if not X, then Y
 
 
 @dataclass(frozen=True)
@@ -26,16 +27,17 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of X
+    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to the one that was left out
+    reference: str = "EXX1"  # the gain that was left out, from which the relative ones count
 
     @property
     def mismatch(self) -> bool:
-        """→ whether the touches show gains only as differences to that of X: nothing shows the absolute scale."""
+        """→ whether the touches show gains only as differences to that of another axis: nothing shows the absolute scale."""
         return bool(self.relative)
 
     def label(self, name: str) -> str:
         """coefficient → the name under which its value may be reported."""
-        return f"{name}-EXX1" if name in self.relative else name
+        return f"{name}-{self.reference}" if name in self.relative else name
 
     def without_machine(self, command: str, so: str) -> str:
         """command, what follows → the sentence for a model without an error of the machine: not asked for, or not seen."""
@@ -51,24 +53,47 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     wanted = _wanted(machine, terms, degree)
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
     setup = [setup_coefficient(name) for name in setup_names(touches, calibrated)]
-    kept, left, matrix, could = _visible(touches.nominal, setup, wanted)
+    wanted, (kept, left, matrix, could) = _scale_last(touches.nominal, setup, wanted)
     noisy = blurred(Model(touches.nominal, tuple(kept)), matrix, could, {c.name for c in wanted})
     kept, left = [c for c in kept if c.name not in noisy], left | noisy
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
-    relative = _relative_to_x(left["EXX1"], names) if "EXX1" in {*left} & asked else frozenset()
-    return Selection(model, unseen, relative)
+    for reference in REFERENCES:
+        if reference in {*left} & asked and (relative := _relative(left[reference], names, reference in noisy)):
+            return Selection(model, unseen, relative, reference)
+    return Selection(model, unseen)
 
 
-def _relative_to_x(scale: Combination, fitted: set[str]) -> frozenset[str]:
-    """combination that moves the touches as EXX1 does (of EXX1 alone where it is too faint), fitted coefficients → gains of which
-    the touches show only the difference to EXX1.
+def _relative(scale: Combination, fitted: set[str], faint: bool = False) -> frozenset[str]:
+    """combination that moves the touches as a gain does that was left out, fitted coefficients, whether it was left out as too
+    faint beside the others → gains of which the touches show only the difference to it.
     """
-    gains = {"EYY1", "EZZ1"} & fitted
+    gains = (set(SCALES) - {scale.names[0]}) & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))
-    return frozenset(name for name in gains if not known or abs(known.get(name, 0.0) - 1) < 0.01)
+    return frozenset(name for name in gains if faint or abs(known.get(name, 0.0) - 1) < 0.01)
+
+
+def _scale_last(
+    touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]
+) -> tuple[list[Coefficient], tuple[list[Coefficient], dict[str, Combination], Array, Array]]:
+    """touches at their nominal contacts, set-up, wanted coefficients → these in the order in which they were admitted; `_visible`.
+
+    Where EXX1 is left out for a reason of its own (nothing turns X, or X is touched from one side) the other gains still share a
+    scale that nothing shows. Were both admitted first, an axis location would be left out in place of one of them: a real error
+    would end in gains that differ from the truth by a hundred times as much, and in all that the noise then bends.
+    """
+    first = _visible(touches, setup, wanted)
+    lost = {c.name for c in wanted} & {*first[1]}
+    if REFERENCES[0] not in lost or _relative(first[1][REFERENCES[0]], {c.name for c in first[0]}):
+        return wanted, first
+    second = REFERENCES[1]
+    other = sorted(wanted, key=lambda c: c.name == second)
+    tried = _visible(touches, setup, other)
+    if second in tried[1] and _relative(tried[1][second], {c.name for c in tried[0]}):
+        return other, tried
+    return wanted, first
 
 
 def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Coefficient]:
