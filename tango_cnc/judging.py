@@ -18,6 +18,7 @@ from .judgement import Judgement, Suspicion
 from .noise import honest
 from .plausible import judge, without_fit
 from .records import Cell, InputError, Readings, TangoError, TermItem
+from .texts import say
 
 SHOWN = 3  # suspicions that a person reads
 
@@ -96,15 +97,12 @@ def traced(judgement: Judgement, origin: Origin, folder: Path) -> Judgement:
     lines, gone = edited_rows(origin)
     if lines:
         listed = ", ".join(map(str, lines[:FEW])) + (" …" if len(lines) > FEW else "")
-        reasons.append(f"{source.name}: {len(lines)} rows are not as they were written (lines {listed}): somebody edited them")
+        reasons.append(say("judging.edited", file=source.name, count=len(lines), lines=listed))
     if gone:
-        reasons.append(f"{source.name}: {gone} rows that were written are not there any more")
+        reasons.append(say("judging.gone", file=source.name, count=gone))
     if named := other_machine(origin, folder):
         then, now = named
-        reasons.append(
-            f"{source.name} is of the machine {then!r}, the cell is of {now!r}: take the cell of {then!r}; "
-            "if it is one machine with a new name, this is no fault"
-        )
+        reasons.append(say("judging.of_another", file=source.name, then=repr(then), now=repr(now)))
     if made_by := said_of_origin(origin):
         remarks.append(made_by)
     if wall := hurried(origin):

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from tango_cnc.acceptance import Order, Signed, Source, made, page, read_order
+from tango_cnc.acceptance.covered import Covered, of_figure
 from tango_cnc.acceptance.order import CONDITIONS, PEOPLE
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
@@ -103,7 +104,7 @@ def test_a_range_has_the_guard_bands_of_its_own_shape(
     (row,) = signed(tmp_path, replace(shown, figures=figures), limits={"straightness EXZ": limit}).rows
     assert row.verdict == expected
     assert row.guard == pytest.approx(guard)
-    assert row.decided == (least, most) and page.cells(row)[2] == f"{least:.2f} … {most:.2f}"
+    assert row.decided == (least, most) and page.cells(row)[3] == f"{least:.2f} … {most:.2f}"
 
 
 @pytest.mark.few(6)
@@ -112,7 +113,7 @@ def test_a_range_has_the_guard_bands_of_its_own_shape(
 def test_the_interval_that_is_printed_is_the_one_that_decides(tmp_path: Path, value: float, limit: float) -> None:
     """Conforms: all of it within the limit. Does not: none of it, and never where it contains 0."""
     (row,) = signed(tmp_path, sheet(value), limits={"straightness EXZ": limit}).rows
-    low, high = (float(v) for v in page.cells(row)[2].split(" … "))
+    low, high = (float(v) for v in page.cells(row)[3].split(" … "))
     within, beyond = -limit <= low and high <= limit, low >= limit or high <= -limit
     assert row.verdict == ("conforms" if within else "does not conform" if beyond else "undecided")
     assert row.expanded is not None and (high - low) / 2 <= row.expanded
@@ -337,13 +338,13 @@ def test_an_uncertainty_has_two_significant_digits_and_its_value_as_many(expande
 def test_value_and_uncertainty_on_the_page_end_at_one_digit(tmp_path: Path, half: float, shown: list[str]) -> None:
     (row,) = signed(tmp_path, sheet(5.123, half)).rows
     cells = page.cells(row)
-    assert [cells[1], cells[3]] == shown
+    assert [cells[2], cells[4]] == shown
 
 
 def test_an_end_beside_the_limit_shows_on_which_side_it_is(tmp_path: Path) -> None:
     (row,) = signed(tmp_path, sheet(8.0)).rows
     for most, shown in ((10.00004, "10.00004"), (9.996, "9.996"), (10.0, "10.00"), (9.5, "9.50")):
-        assert page.cells(replace(row, decided=(1.0, most)))[2] == f"1.00 … {shown}"
+        assert page.cells(replace(row, decided=(1.0, most)))[3] == f"1.00 … {shown}"
 
 
 @pytest.mark.parametrize(("supplied", "disclaimed"), [("none", False), ("None.", False), ("the limits, and the tool", True)])
@@ -398,3 +399,21 @@ def test_a_parameter_rests_on_the_terms_and_a_figure_does_not(tmp_path: Path) ->
     by_name = {r.name: r for r in found.rows}
     assert by_name["straightness EXZ"].verdict == "conforms" and not found.stands
     assert by_name["parameter EXX1"].verdict == "not stated" and "no mere scatter" in by_name["parameter EXX1"].why
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "axes"),
+    [
+        ("straightness", "EXZ zone", "Z"),
+        ("squareness", "EB(0X)Z", "XZ"),
+        ("squareness", "Z to Y", "YZ"),
+        ("tilt", "C rotating", "C"),
+        ("positioning gain", "EYY − EXX", "XY"),
+        ("volumetric", "VA", "XYZ"),
+        ("parameter", "EY0C", ""),
+    ],
+)
+def test_a_figure_is_of_the_axes_in_its_name(kind: str, name: str, axes: str) -> None:
+    over = {axis: Covered(axis, "mm", 0.0, 100.0, (-5.0, 500.0), 9) for axis in "XYZC"}
+    figure = OnPart(kind, name, "µm", 1.0, (0.0, 2.0), None, "")
+    assert "".join(c.axis for c in of_figure(figure, over)) == axes

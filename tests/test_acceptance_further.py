@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import shutil
@@ -9,9 +10,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from support.compensated import ROOT, example, measured
 from support.few import every
@@ -193,11 +196,32 @@ def accepted(folder: Path, text: str) -> int:
 PART = "part: {features: part.yaml, zero: {X: 0, Y: 0, Z: 60}, tool_length: 150}\n"
 
 
+def made_over(cell: Path, figures: dict[str, Any]) -> None:
+    """Every figure says over what it holds: as the readings and machine.yaml have it, read here by themselves."""
+    touched = list(csv.DictReader((cell / "simulated.csv").read_text(encoding="utf-8").splitlines()))
+    travel = yaml.safe_load((cell / "machine.yaml").read_text(encoding="utf-8"))["axes"]
+    of = {"straightness EXZ": "Z", "squareness EC(0X)Y": "XY", "squareness Z to X": "XZ", "volumetric V": "XYZ"}
+    for name, axes in (of | {"positioning ECC": "C", "radial A rotating": "A", "part width": "", "parameter EY0C": ""}).items():
+        over = figures[name]["over"]
+        assert "".join(one["axis"] for one in over) == axes
+        for one in over:
+            places = [float(row[next(key for key in row if key.split("_")[0] == one["axis"])]) for row in touched]
+            assert one["range"] == pytest.approx([min(places), max(places)]) and one["unit"] == (
+                "mm" if one["axis"] in "XYZ" else "°"
+            )
+            assert one["travel"] == pytest.approx(travel[one["axis"]]["travel"])
+            assert 1 < one["positions"] <= len(set(places))
+    assert figures["straightness EXZ"]["note"] == "about the least-squares line"
+    assert [n for n, f in figures.items() if f["two_sided"]] == ["parameter EY0C", "squareness EC(0X)Y", "squareness Z to X"]
+
+
 @pytest.mark.long
 def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    accepted(cell, "limits: {parameter EY0C: 20, part width: 20, part away x: 20}\n" + PART)
+    own = "straightness EXZ: 9, squareness EC(0X)Y: 40, squareness Z to X: 40, positioning ECC: 9, radial A rotating: 9"
+    accepted(cell, f"limits: {{parameter EY0C: 20, part width: 20, part away x: 20, {own}, volumetric V: 60}}\n{PART}")
     data = json.loads(capsys.readouterr().out)
     by_name = {f["name"]: f for f in data["figures"]}
+    made_over(cell, by_name)
     assert by_name["parameter EY0C"]["unit"] == "µm"
     assert math.isclose(by_name["parameter EY0C"]["value"], 24.0, abs_tol=1.0)
     assert by_name["part width"]["value"] is None and "width" not in by_name["part width"]["why"]

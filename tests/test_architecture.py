@@ -53,7 +53,7 @@ INTERNAL: dict[str, str | None] = {
     "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded state.frame plan duration design.order",
     "history": "records texts files state nearest",
     "nightly": f"{NUMERIC} files history state loaded "
-    "report.age report.answer report.days report.compensated report.units report.look report.repeated report.texts "
+    "report.age report.answer report.days report.decimals report.compensated report.units report.look report.repeated report.texts "
     "report.right report.suspects report.tonight report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",

@@ -15,7 +15,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.identify import Selection, describe, independent, select, subset_terms, summary
-from tango_cnc.records import Cell, World
+from tango_cnc.records import Approach, Artefact, Cell, Facet, Indexation, Strategy, World
 from tango_cnc.touches import from_readings
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -162,3 +162,30 @@ def test_the_first_of_equals_is_kept():
     kept, left = independent(np.hstack([column, -2 * column, column**2]), np.full(3, 10.0))
     assert kept == [0, 2]
     np.testing.assert_allclose(left[1], [-2.0])
+
+
+def test_where_no_touch_compares_x_with_the_others_the_place_of_the_axis_stays_and_a_gain_is_left_out():
+    """The only rotary axis turns about X, 5 mm beside the origin: its place left out, 30 µm of it were 6000 µm/m of two gains."""
+    machine = machine_of("wAXfYZ(S)t")
+    axes = tuple(replace(axis, point=(0.0, 5.0, 20.0)) if axis.name == "A" else axis for axis in machine.axes)
+    machine = replace(machine, axes=axes)
+    normals = {"1": (1, 0, 0), "2": (-1, 0, 0), "3": (0, 1, 0), "4": (0, -1, 0), "5": (0, 0, 1), "6": (0, 0, 1), "7": (0, 1, 0)}
+    places = {
+        "1": (52, -18, 40),
+        "2": (-48, 18, 40),
+        "3": (30, 36, 40),
+        "4": (-30, -26, 40),
+        "5": (40, 25, 50),
+        "6": (-36, -14, 50),
+    }
+    places["7"] = (-25, 36, 20)
+    facets = {key: Facet(key, tuple(map(float, places[key])), tuple(map(float, n))) for key, n in normals.items()}
+    turned = [(a, s) for a in (-1.6, -0.9, -0.3, 0.3, 0.9, 1.6) for s in (0.0, np.pi)]
+    seen = {a: tuple(k for k, n in normals.items() if n[1] * np.sin(a) + n[2] * np.cos(a) > -0.1) for a, _ in turned}
+    strategy = Strategy("block", Approach(5.0, 3.0, 100.0), tuple(Indexation({"A": a, "S": s}, seen[a]) for a, s in turned))
+    artefact = Artefact("block", facets)
+    readings = simulate(machine, artefact, strategy, World(errors={"EY0A": 0.03}, noise=0.0))
+    result = estimate(machine, artefact, readings, ["S3"])
+    found = {name: p.value for name, p in result.parameters.items()}
+    assert found["EY0S"] == pytest.approx(-0.03, abs=1e-5) and abs(found["EZZ1-EYY1"]) < 1e-5 and abs(found["EA0Z"]) < 1e-5
+    assert result.sigma < 1e-5 and {c.names[0] for c in result.selection.unseen} >= {"EXX1", "EYY1"}

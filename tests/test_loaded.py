@@ -14,11 +14,12 @@ from tango_cnc.history import Compensation, Decision
 from tango_cnc.loaded import holds
 from tango_cnc.nightly.control import Given
 from tango_cnc.report.checks import _limit
-from tango_cnc.report.compensated import dated, held
+from tango_cnc.report.compensated import as_loaded, dated, held
 from tango_cnc.report.facts import Facts, LoadedCompensation, NewestNight
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import say
 
 DAY = {number: night("M", number)["night"] for number in range(8)}  # each begins at 02:00 UTC
 
@@ -167,3 +168,22 @@ def test_a_report_names_the_newest_and_what_is_off_its_limit() -> None:
     f.wishes = SimpleNamespace(limit=0.045, units=Units())
     said = _limit(cast(Facts, f), texts()).text
     assert "what compensation 1 (fanuc) takes away" in said and "compensation 3 (fanuc) is in the control (undecided)" in said
+
+
+@pytest.mark.parametrize(
+    ("events", "wanted"),
+    [
+        ([event(1, "written", 0), event(1, "no help", 1)], "Have compensation 1 (fanuc) taken out of the control today"),
+        ([event(1, "written", 0), event(1, "no help", 1), event(1, "rolled back", 3)], "Enter nothing before the next night"),
+        ([event(1, "proposed", 3)], "Have compensation 1 (fanuc) loaded into the control"),
+        ([event(1, "proposed", 1)], "Have it compensated or repaired."),
+        ([], "Have it compensated or repaired."),
+    ],
+)
+def test_an_order_of_the_night_that_was_carried_out_since_is_not_given_again(events: list[Compensation], wanted: str) -> None:
+    """Ten minutes after it was taken out: "load its undo/, then note that", which is refused; a proposal lay ready, on no page."""
+    do = say("night.most_do")
+    if [e.event for e in events][:1] == ["written"]:
+        do = say("night.take_out", number=1, target="fanuc", event="no help")
+    told = as_loaded({"utc": f"{DAY[2]}T02:00:00Z", "do": do, "id": "", "cause": "limit", "parameter": "EY0C"}, events)
+    assert wanted in told["do"] and ("undo/" in told["do"]) == ("today" in wanted)

@@ -25,21 +25,21 @@ STATED = {"skip": "G31 P1", "axis_numbers": NUMBERS, "wait": "G103 P1", "probe_o
 
 
 @pytest.fixture
-def acme(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
+def wotan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
     """A relative of Fanuc with several skip inputs and axes in another order, of which nobody has told the simulated control."""
     fanuc = load("fanuc")
-    post = replace(fanuc, title="Acme", options=with_defaults(fanuc.options, **STATED))
+    post = replace(fanuc, title="Wotan", options=with_defaults(fanuc.options, **STATED))
 
     def loaded(name: str) -> Any:
-        return post if name == "acme" else load(name)
+        return post if name == "wotan" else load(name)
 
     monkeypatch.setattr(namedcontrols, "load", loaded)
     monkeypatch.setattr("postprocessors.load", loaded)
     monkeypatch.setattr(namedcontrols, "controls", lambda: (*controls(), *controls(tmp_path)))
     monkeypatch.setattr(namedcontrols, "stand_in", lambda name: stand_in(name, tmp_path) or stand_in(name))
-    monkeypatch.setitem(dialects.EVERY, "acme", dialects.EVERY["fanuc"])
-    monkeypatch.setattr(newdialect, "new", lambda: frozenset({"acme"}))
-    return "acme"
+    monkeypatch.setitem(dialects.EVERY, "wotan", dialects.EVERY["fanuc"])
+    monkeypatch.setattr(newdialect, "new", lambda: frozenset({"wotan"}))
+    return "wotan"
 
 
 def sections(name: str, shown: str, outcome: str = "failed") -> str:
@@ -53,50 +53,50 @@ def sections(name: str, shown: str, outcome: str = "failed") -> str:
     return "\n".join(f"{title}: {text}" for title, text in report.sections)
 
 
-def test_a_control_that_is_missing_is_named_with_what_the_command_writes(acme: str) -> None:
-    said = differs(acme)
-    assert missing(acme) and "sim_controller/controls/acme.yaml" in said
-    assert "TANGO_GOLDEN=write" in said and "-k acme" in said and "skip_word: 'G31 P1'" in said and "numbered: 'XYZ-CB'" in said
-    assert said in sections(acme, "assert [] == ['ok']")
-    assert not sections(acme, said) and not sections(acme, "", "passed") and not sections("haas", "assert [] == ['ok']")
+def test_a_control_that_is_missing_is_named_with_what_the_command_writes(wotan: str) -> None:
+    said = differs(wotan)
+    assert missing(wotan) and "sim_controller/controls/wotan.yaml" in said
+    assert "TANGO_GOLDEN=write" in said and "-k wotan" in said and "skip_word: 'G31 P1'" in said and "numbered: 'XYZ-CB'" in said
+    assert said in sections(wotan, "assert [] == ['ok']")
+    assert not sections(wotan, said) and not sections(wotan, "", "passed") and not sections("haas", "assert [] == ['ok']")
 
 
-def test_what_the_command_writes_waits_for_a_person_who_looks_it_up(acme: str, tmp_path: Path) -> None:
-    file = tmp_path / "acme.yaml"
-    file.write_text(first(acme), encoding="utf-8")
-    row = stand_in(acme, tmp_path)
-    assert row is not None and not wrong(acme)
+def test_what_the_command_writes_waits_for_a_person_who_looks_it_up(wotan: str, tmp_path: Path) -> None:
+    file = tmp_path / "wotan.yaml"
+    file.write_text(first(wotan), encoding="utf-8")
+    row = stand_in(wotan, tmp_path)
+    assert row is not None and not wrong(wotan)
     own = {"skip_word": "G31 P1", "numbered": "XYZ-CB", "macros_ahead": "true", "orient": "P"}
     assert row.settings == own and row.stored == ("O9832", "M99")
     for said in ("which axis #5001", "skip_word: 'G31 P1'", "the programs that switch the probe", "under manual"):
-        assert said in unsaid(acme)
-    assert unsaid(acme) in complaint(acme) and complaint(acme) in sections(acme, "assert [] == ['ok']")
-    file.write_text(first(acme).replace(OPEN, "M 4711, p. 12"), encoding="utf-8")
-    assert not unsaid(acme) and not wrong(acme) and not sections(acme, "assert [] == ['ok']")
+        assert said in unsaid(wotan)
+    assert unsaid(wotan) in complaint(wotan) and complaint(wotan) in sections(wotan, "assert [] == ['ok']")
+    file.write_text(first(wotan).replace(OPEN, "M 4711, p. 12"), encoding="utf-8")
+    assert not unsaid(wotan) and not wrong(wotan) and not sections(wotan, "assert [] == ['ok']")
 
 
-def test_a_post_and_a_control_that_say_other_numbers_are_named_beside_each_other(acme: str, tmp_path: Path) -> None:
+def test_a_post_and_a_control_that_say_other_numbers_are_named_beside_each_other(wotan: str, tmp_path: Path) -> None:
     """The simulated control goes by its own file: nobody copies a number that is wrong from the post to it."""
-    text = first(acme).replace("XYZ-CB", "XYZBC").replace(OPEN, NOBODY).replace("O9832", "O8832")
-    (tmp_path / "acme.yaml").write_text(text, encoding="utf-8")
-    numbers, stored = wrong(acme)
+    text = first(wotan).replace("XYZ-CB", "XYZBC").replace(OPEN, NOBODY).replace("O9832", "O8832")
+    (tmp_path / "wotan.yaml").write_text(text, encoding="utf-8")
+    numbers, stored = wrong(wotan)
     assert "so numbered: 'XYZ-CB'; the control says numbered: 'XYZBC' (the list of system variables" in numbers
-    assert "O9832" in stored and "O8832" in stored and numbers in differs(acme)
-    (tmp_path / "acme.yaml").write_text("language: macro_b\n", encoding="utf-8")
-    assert len(wrong(acme)) == len(STATED) and any("the control says no skip_word" in said for said in wrong(acme))
+    assert "O9832" in stored and "O8832" in stored and numbers in differs(wotan)
+    (tmp_path / "wotan.yaml").write_text("language: macro_b\n", encoding="utf-8")
+    assert len(wrong(wotan)) == len(STATED) and any("the control says no skip_word" in said for said in wrong(wotan))
 
 
-def test_a_control_whose_file_is_wrong_is_refused_by_file_and_line(acme: str, tmp_path: Path) -> None:
-    (tmp_path / "acme.yaml").write_text("language: macro_c\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"acme\.yaml:1: language: found 'macro_c'; allowed: .*Did you mean 'macro_b'"):
-        stand_in("acme", tmp_path)
-    assert "macro_c" in complaint(acme) and "macro_c" in sections(acme, "assert [] == ['ok']")
-    assert stand_in("../acme", tmp_path) is None and stand_in("", tmp_path) is None
+def test_a_control_whose_file_is_wrong_is_refused_by_file_and_line(wotan: str, tmp_path: Path) -> None:
+    (tmp_path / "wotan.yaml").write_text("language: macro_c\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"wotan\.yaml:1: language: found 'macro_c'; allowed: .*Did you mean 'macro_b'"):
+        stand_in("wotan", tmp_path)
+    assert "macro_c" in complaint(wotan) and "macro_c" in sections(wotan, "assert [] == ['ok']")
+    assert stand_in("../wotan", tmp_path) is None and stand_in("", tmp_path) is None
 
 
-def test_a_statement_of_another_language_names_the_reader(acme: str) -> None:
+def test_a_statement_of_another_language_names_the_reader(wotan: str) -> None:
     refused = "program line 64 'PRINT[TANGO*START*': no line that a program of this kind may have here. The program is not the plan"
-    assert "named macro_b refuses its program" in sections(acme, refused)
+    assert "named macro_b refuses its program" in sections(wotan, refused)
     assert not sections("fanuc", refused)
 
 

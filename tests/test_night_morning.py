@@ -374,6 +374,14 @@ def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say
     assert not half.believed and "taken by themselves the touches would say: t" in half.reasons
     left = believed(NightDoubt("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
     assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
+    part = {"shape": "no pattern", "text": "the residuals follow X."}
+    for size, noise in ((0.4, 0.7), (0.8, 0.1), (1.9, 2.2)):
+        told = {"verdict": "unexplained", "noise_um": noise, "unexplained": [part | {"amplitude_um": size}]}
+        small = believed(NightDoubt("trustworthy"), told, [], False)
+        assert small.verdict == "trustworthy" and small.believed and not small.reasons  # by chance, and too small for parts
+    for sizes in ((1.2,), (0.8, 0.8), (0.0,)):
+        told = {"verdict": "unexplained", "noise_um": 0.7, "unexplained": [part | {"amplitude_um": s} for s in sizes]}
+        assert believed(NightDoubt("trustworthy"), told, [], False).verdict == "doubtful", sizes
     one = believed(
         NightDoubt("trustworthy"),
         {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]},

@@ -67,8 +67,10 @@ def test_a_sensor_that_leaves_the_others_is_in_doubt_and_they_count(said: float)
     found = told(records[0]["sensors"], "bed", records[0]["night"])
     assert f"bed says {said + 0.05:.1f} °C and is not believed" in found["text"] and "rests on air, bar, table" in found["text"]
     assert (found["rests"], found["doubted"]) == ("others", ["bed"]) and "its unit, its cable" in found["text"]
-    asked = see_to_it_first([{"cause": "scale", "do": "Check the scale.", "instead": []}], found)[0]
+    scale = {"cause": "scale", "do": "Check the scale.", "instead": ["temperature"]}
+    asked, knocked = see_to_it_first([scale, scale | {"instead": []}], found)
     assert asked["do"].startswith("See first whether the temperature sensor says the truth (bed)")
+    assert knocked["do"] == "Check the scale." and knocked["instead"] == []  # three others are believed, and it is a knock
     # it says so every night, and is believed again when it is right again
     more = follow(*NIGHTS, *[four(said + k, 18.96) for k in (0.0, 0.4, -0.3)], four(19.14))
     assert [doubts(r) for r in more[1:4]] == [["bed"]] * 3 and more[1]["sensors"]["bed"]["since"] == "2026-10-06"

@@ -57,6 +57,16 @@ def follow(*each: Readings) -> list[dict[str, Any]]:
 LIVE = [read(bed=[20.0 + d, 20.1 + d, 20.2 + d, 20.3 + d], room=[22.0 + d] * 3 + [22.1 + d]) for d in (0.0, 0.3, 0.1, 0.7)]
 
 
+def test_sensors_that_fell_silent_together_are_one_sentence() -> None:
+    """Four times "temperature sensor … has said nothing since the night of …"."""
+    names = ("air", "bar", "bed")
+    seen = read(**{name: [20.0 + i, 20.1 + i, 20.2 + i, 20.3 + i] for i, name in enumerate(names)})
+    (tonight, *_) = follow(seen, read(**{name: [NAN] * 4 for name in names}))
+    text = told(tonight["sensors"], None, tonight["night"])["text"]
+    assert text.startswith("temperature sensors air, bar, bed have said nothing since the night ending 2026-10-01.")
+    assert text.count("have said nothing") == 1 and told(tonight["sensors"], None, tonight["night"])["sensors"] == list(names)
+
+
 def test_a_night_whose_sensors_speak_says_nothing_of_them() -> None:
     newest = follow(*LIVE)[0]
     assert told(newest["sensors"], None, newest["night"]) == {} and told(newest["sensors"], "bed", newest["night"]) == {}
@@ -93,6 +103,8 @@ def test_without_any_voice_the_machine_is_taken_to_be_as_warm_as_the_sensor_said
     alarm = {"cause": "scale", "do": "Check the scale.", "instead": ["EXX"]}
     asked = see_to_it_first([alarm], found)[0]
     assert asked["instead"] == ["temperature", "EXX"] and asked["do"].startswith("See first whether the temperature sensor")
+    knock = alarm | {"cause": "axis_location", "unit": "mm", "size": 0.060}  # 12 K would be needed
+    assert see_to_it_first([knock], found)[0] == knock and see_to_it_first([knock | {"size": -0.018}], found)[0] != knock
     assert counted(read(bed=[NAN] * 4), records[0]["sensors"]).temperatures["bed"] == pytest.approx(np.full(4, 23.15))
 
 

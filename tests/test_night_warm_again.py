@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,13 +14,15 @@ from support.spoilt import simulated
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
+from tango_cnc.nightly.last_known import as_known_last
 from tango_cnc.nightly.mail import message
-from tango_cnc.nightly.warmth import as_warm_as, with_warmth
+from tango_cnc.nightly.warmth import as_sure_as, as_warm_as, with_warmth
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.tonight import is_gone
 from tango_cnc.report.units import Units
 from tango_cnc.state.effect import moved_on_parts, on_parts
+from tango_cnc.texts import say
 
 
 @pytest.fixture(scope="module")
@@ -99,3 +102,31 @@ def test_an_alarm_names_the_night_that_its_size_is_counted_from() -> None:
     known, heard = {"EY0C": {"value": 0.1, "unit": "mm", "std": 1e-4}}, {"bed": {"state": "heard"}}
     told = with_warmth(alarm, known, heard, 21.47, [night(13, 20.37), night(12, 19.37)])
     assert told["warmer"]["night"] == "2026-11-12" and "2.1 K warmer (bed 21.5 °C) than on 2026-11-12" in told["do"]
+
+
+def test_temperature_is_not_what_else_it_may_be_once_the_machine_is_as_warm_as_before() -> None:
+    """One sensor in °F beside a knock; it is right again, and the machine as warm as in the night before the knock."""
+    before = {"night": "2026-11-17", "temperatures": {"bed": {"mean": 20.2, "first": 20.2, "last": 20.2}}}
+    do = say("night.sensors.do_doubted", do=say("cause.axis_location.do"), names="bed")
+    alarm = {"cause": "axis_location", "since": "2026-11-17", "instead": ["temperature", "stylus"], "do": do, "size": 0.018}
+    alarm |= {"now": say("night.alarms.still_there", told="+17.9 ± 0.3 µm")}
+    (sure,) = as_sure_as([alarm], 19.9, [before])
+    assert sure["instead"] == ["stylus"] and sure["do"] == say("cause.axis_location.do")
+    gone = alarm | {"now": say("night.alarms.gone_again_left", told="0.1 µm")}
+    for other, now in ((alarm, None), (alarm, 22.0), (gone, 19.9), (alarm | {"since": "2026-11-02"}, 19.9)):
+        assert as_sure_as([other], now, [before]) == [other]
+
+
+@pytest.mark.few(0)
+def test_a_night_that_measured_nothing_says_that_a_warm_night_has_gone_again(root: Path, tmp_path: Path) -> None:
+    cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
+    story = Story((Event(3, warmer=7.0), Event(4, warmer=-6.6)), simulated.THIRTY.warm, 0.1)
+    with opened(tmp_path / "history.db") as history:
+        records = [r for r, _ in nights(cell, truth, history, 4, 2, story, Nightly(diagnose=False, check_minutes=2))]
+        world = SimpleNamespace(past=history, happened=())
+        day = float(records[-1]["state"]["day"]) + 1
+        waiting, silent = as_known_last(world, str(records[0]["machine"]), day, "2099-01-01")  # type: ignore[arg-type]
+    (alarm,) = [a for a in waiting if a["cause"] == "temperature"]
+    assert is_gone(alarm["now"]) and "last believed" in alarm["now"] and not silent
+    assert alarm["gone_by"] == records[-1]["night"] and alarm["do"] == say("night.sensors.warm_gone_do")

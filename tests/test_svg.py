@@ -28,3 +28,9 @@ def test_the_words_of_a_line_are_not_cut_at_the_edge(at: float, width: int) -> N
     place, end = re.findall(rf'<text x="([\d.]+)"( text-anchor="end")?[^>]*>{words}<', drawn)[0]
     left = float(place) - (6.1 * len(words) if end else 0.0)
     assert left >= 0 and left + 6.1 * len(words) <= width
+
+
+def test_a_tick_of_a_curve_in_inches_is_a_number_that_people_read() -> None:
+    """−5e−05 stood at the axis."""
+    drawn = chart([Plotted(np.arange(3.0), np.array([-6e-5, 0.0, 6e-5]), "line")], Canvas(400, 240, y_label="in"))
+    assert ">−0.00005<" in drawn and "e−" not in drawn

@@ -11,7 +11,8 @@ from .order import CONDITIONS, Order
 RULE = (
     "ISO 14253-1:2017: a figure conforms when it lies inside its limit by the guard band g = 1.65 u or more (95 %), does not "
     "conform when it lies outside by g or more, and is undecided between. The column 'at least … at most' "
-    "decides: the figure is above the one and below the other, each with 95 %. It is applied to every figure of the table"
+    "decides: the figure is above the one and below the other, each with 95 %. A limit with ± holds on both sides of 0. "
+    "It is applied to every figure of the table, over the range in its column 'over'"
 )
 RISK = (
     "the sheet accepts at most 5 of 100 figures that are at or beyond their limit, and rejects at most 5 of 100 that are inside "

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from .covered import Covered, column
 from .order import Certificate
 from .sheet import Row, Signed
 
@@ -27,6 +28,7 @@ def as_json(found: Signed) -> dict[str, Any]:
                 **{"name": r.name, "value": r.value, "U": r.expanded, "guard_band": r.guard, "limit": r.limit, "unit": r.unit},
                 **{"interval": None if r.interval is None else list(r.interval)},
                 **{"decided_by": None if r.decided is None else list(r.decided), "verdict": r.verdict, "why": r.why},
+                **{"over": [_over(c) for c in r.over], "note": r.how, "two_sided": r.two_sided},
             }
             for r in found.rows
         ],
@@ -38,6 +40,11 @@ def as_json(found: Signed) -> dict[str, Any]:
     }
 
 
+def _over(c: Covered) -> dict[str, Any]:
+    found = {"axis": c.axis, "range": [c.low, c.high], "travel": None if c.travel is None else list(c.travel), "unit": c.unit}
+    return {**found, "positions": c.positions}
+
+
 def _certificate(c: Certificate) -> dict[str, Any]:
     until = None if c.valid_until is None else c.valid_until.isoformat()
     return {
@@ -47,12 +54,13 @@ def _certificate(c: Certificate) -> dict[str, Any]:
 
 
 def cells(row: Row) -> list[str]:
-    """figure → cells: name, value, the interval that decides, U, guard band, limit, unit, verdict."""
+    """figure → cells: name, what it holds over, value, the interval that decides, U, guard band, limit, unit, verdict."""
     places = digits(row.expanded)
     value, expanded = (f"{x:.{places}f}" if x is not None else "–" for x in (row.value, row.expanded))
     guard = "–" if row.guard is None else f"{row.guard:.{places + 1}f}"
     between = "–" if row.decided is None else " … ".join(_against(x, row.limit, places + 1) for x in row.decided)
-    return [row.name, value, between, expanded, guard, f"{row.limit:g}", row.unit, row.verdict]
+    over, limit = column(row.over), f"{'± ' if row.two_sided else ''}{row.limit:g}"
+    return [row.name, over, value, between, expanded, guard, limit, row.unit, row.verdict]
 
 
 def digits(expanded: float | None) -> int:
@@ -72,7 +80,7 @@ def _against(end: float, limit: float, places: int) -> str:
     return f"{end:.{places}f}"
 
 
-HEAD = ["figure", "value", "at least … at most", "U (k = 2)", "guard band", "limit", "", "verdict"]
+HEAD = ["figure", "over", "value", "at least … at most", "U (k = 2)", "guard band", "limit", "", "verdict"]
 
 
 COPIES = "End of the sheet. It may be copied in full; a part of it only where the laboratory agrees."
@@ -120,7 +128,7 @@ def typst(found: Signed, quoted: Callable[[object], str], size: float = 7.0, clo
 
 #text(10pt, weight: "bold", {quoted(headline(found))}) #text({quoted(stands)})
 
-#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: {row}pt, stroke: 0.3pt,
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto, auto), inset: {row}pt, stroke: 0.3pt,
   table.header({head}), {body})
 {why}
 #table(columns: (42mm, 1fr), inset: {0.8 * row:.2f}pt, stroke: 0.3pt, {answers})

@@ -12,7 +12,7 @@ allows for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 
 from scipy import special
@@ -21,6 +21,7 @@ from ..iso230.signed import OnPart, Sheet
 from ..judgement import Judgement
 from ..records import Cell, InputError
 from .clauses import checklist, unstated
+from .covered import FITTED, Covered, covered, made_how, of_figure, two_sided
 from .fitting import contradictions, untraced
 from .order import Order
 
@@ -58,6 +59,9 @@ class Row:
     why: str = ""
     interval: tuple[float, float] | None = None  # 95 %, both sides together; that of a range ends at 0
     decided: tuple[float, float] | None = None  # from guard band to guard band, 95 % each: what decides, and is printed
+    over: tuple[Covered, ...] = ()  # the axes that it is of: it holds over what was touched of them
+    how: str = ""  # how it is made: about which line, over which poses
+    two_sided: bool = False  # its sign counts, and its limit holds on both sides of 0
 
 
 @dataclass(frozen=True)
@@ -108,8 +112,14 @@ def made(
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
     alone = _doubted(by_terms or judgement)
+    over = covered(sheet, cell.machine)
     rows = tuple(
-        _row(name, known[name], limit, sheet, stands or (alone if known[name].kind == PARAMETER else ""))
+        replace(
+            _row(name, known[name], limit, sheet, stands or (alone if known[name].kind == PARAMETER else "")),
+            over=of_figure(known[name], over),
+            how="" if known[name].kind in FITTED else known[name].note,
+            two_sided=two_sided(known[name]),
+        )
         for name, limit in order.limits.items()
     )
     scales = sheet.thermal is not None and any(known[r.name].expands for r in rows)
@@ -117,6 +127,7 @@ def made(
     lacks = {"7.8.4.1 c) traceability": "; ".join(lacking)} if lacking else {}
     said = (source.remarks, judgement.remarks)
     answers = checklist(order, sheet, not lacking, source.text, *said, files, version, day.isoformat())
+    answers |= made_how([(r.name, r.how) for r in rows], over)
     return Signed(order, rows, stands, answers, unstated(order, answers) | lacks)
 
 

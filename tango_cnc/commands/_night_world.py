@@ -20,7 +20,7 @@ from ..nightly import Measured, PreflightPoint
 from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
 from ..records import Cell, LinkError, Plan, TangoError
-from ..texts import say
+from ..texts import joined, say
 from ._cell_nights import again
 from ._common import address_of, dialect, writing
 from ._cut_off import executed_until, from_journal, newest_run, note_planned
@@ -191,7 +191,7 @@ class RealControl:
         _postable(self.cell if kind == "full" or self.check is None else self.check, made)
         said = say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
         return PreflightPoint(
-            "program", True, "; ".join((said, *made.start))
+            "program", True, joined("; ", (said, *made.start))
         )  # nobody is there to bring the axes near the first place
 
     def _gate(self, kind: str, touches: Sequence[int]) -> PreflightPoint:

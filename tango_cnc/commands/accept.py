@@ -87,7 +87,7 @@ def command(
         for text in boxes:
             said(text)
     if not write_json(json_file, page.as_json(found) | members(judgement)):
-        lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
+        lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
         lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and r.why != found.stands]
         lines += [f"missing for ISO/IEC 17025: {c}" + (f": {found.lacks[c]}" if c in found.lacks else "") for c in found.missing]

@@ -15,6 +15,7 @@ from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._beside import beside
 from ._commission_record import record_of
+from ._commission_second import Ready, at_quarter, file_of, held_aside, unasked
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
 from ._handed import Kept, hands, whole
 from ._start import HELD, counts, in_spindle, obeys
@@ -25,20 +26,10 @@ KEPT = Kept(("port", "timeout", "within"), {"touch": ("within",)})
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
 FAILED = 1
 BY_DIAL = ("feed", "append")  # beliefs that a second program with the feed override turned shows
-SLOW = 60.0  # s that a move may take then
-START = b"TANGO START"
 UNHEARD = (
     "Did the probe move up slowly, and go on although you touched the stylus? (no: it stopped there, it did not get there, or you "
     "have not seen it)"
 )
-ASIDE = (
-    "Now a program of its own, for a stylus that is held aside. It makes one guarded move at 60 mm/min, which ends 0.5 mm above "
-    "where the moves in the air have ended, and no axis goes farther from there. Leave the axes where they stand. Hand on feed "
-    "hold. Hold the stylus aside with the other one and start the program; let go if it moves more than 1 mm. What comes of it, "
-    "you are asked a minute later, as a program that stops at once sends nothing. Do you hold it? (no: this is left open)"
-)
-HELD_START = 60.0  # s for the start mark of the program for a held stylus: the right control stops it before that
-TURN = "Turn the feed override of the panel to {:.0f} % and leave it there. Is it? (no: this is left open)"
 PLACE = "Measure 30"  # in the list of commands
 
 
@@ -163,15 +154,14 @@ def command(
         raise click.exceptions.Exit(FAILED)
     _announced(at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
-    seen = replace(seen, largest=moves.largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, largest=moves.largest, stored=file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
-    if seen.ended and HELD in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
-        seen, control = _held_aside(at, seen)
-    turn = TURN.format(100 * commission.DIAL)
-    if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)) and click.confirm(turn, err=True):
-        seen, control = _at_quarter(at, seen)
+    if seen.ended and HELD in wanted and (held or (held is None and someone)):
+        seen, control = held_aside(at, seen, control)
+    if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)):
+        seen, control = at_quarter(at, seen, control)
     said_so = _asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none")
     seen = replace(seen, answers=said_so, unasked=answers == "yes")
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
@@ -200,12 +190,19 @@ class _Control:
         """plan, options that differ → its program, written."""
         return written(self.cell, self.cell.folder / FOLDER / "program", self.post, made, {**self.options, **changed})
 
-    def tried(self, made: Plan, programs: list[Any], patience: float | None = None, start: float | None = None) -> tuple[Any, str]:
-        """plan, its programs, s of silence and s for the start mark where they are not those of the command → what came, what the
-        control calls itself.
+    def tried(
+        self,
+        made: Plan,
+        programs: list[Any],
+        patience: float | None = None,
+        start: float | None = None,
+        ready: Ready = unasked,
+    ) -> tuple[Any, str]:
+        """plan, its programs, s of silence and s for the start mark where they are not those of the command, what is asked when
+        the control has the program → what came, what the control calls itself.
         """
         begins = start or start_patience(self.someone)
-        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins)
+        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins, ready)
 
 
 def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, Any], float | None]:
@@ -273,29 +270,6 @@ def _explained(at: _Control, seen: Any, said: str) -> Any:
     return seen
 
 
-def _held_aside(at: _Control, seen: Any) -> tuple[Any, str]:
-    """what came of the moves in the air → the same with whether a move stops whose stylus is held aside; the control."""
-    from .. import commission
-
-    slight = commission.held(seen.plan)
-    gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
-    if any(option.name == "positioning_feed" for option in at.post.options):
-        gentle["positioning_feed"] = commission.HELD_FEED
-    once, control = at.tried(slight, at.program(slight, gentle), start=HELD_START)
-    return replace(seen, held=_stopped(once)), control
-
-
-def _at_quarter(at: _Control, seen: Any) -> tuple[Any, str]:
-    """what came of the moves in the air → the same with how long a few take with the feed override turned down; the control."""
-    from ..commission.above import flight
-
-    few = flight(at.cell, 1, set(), at.moves.within).plan
-    patience = SLOW * len(few.touches) if at.timeout is None else at.timeout
-    once, control = at.tried(few, at.program(few, {"gate": "none"}), patience)
-    click.echo("Turn it back to 100 %.", err=True)
-    return replace(seen, dialled=once.times, kept=_kept(at.address, at.post, once.begun)), control
-
-
 def _afterwards(folder: Path, still: Sequence[str]) -> None:
     """cell, beliefs that are neither proven nor refuted → what to do about them, where there are any, and what comes next."""
     if still:
@@ -317,25 +291,6 @@ def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:
     return f"{said}: {found}" if found and found not in said.upper() else said
 
 
-def _file_of(address: str, post: Any) -> str | None:
-    """port, post → what the control writes its records into: '' where it is not on this computer, None for a line."""
-    from ..link.address import written_into
-
-    return written_into(address) if post.filed else None
-
-
-def _kept(address: str, post: Any, begun: bool) -> bool | None:
-    """port, post, whether the second program has begun → whether its file holds what both programs have recorded; None: unknown."""
-    file = _file_of(address, post)
-    if file is None or not begun:
-        return None
-    if file:
-        return Path(file).read_bytes().count(START) >= 2
-    text = "Look into the file of the records: does it hold both programs, two lines TANGO START? y yes, n no, ? not seen"
-    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
-    return None if answer == "?" else answer == "y"
-
-
 def _broken_off(seen: Any, alone: bool, program: str) -> None:
     """what came of a program without end, whether no belief has failed, program → what to do next; raises LinkError then."""
     from ..commission import stopped_by
@@ -354,7 +309,14 @@ def _broken_off(seen: Any, alone: bool, program: str) -> None:
 
 
 def _tried(
-    cell: Any, post: Any, made: Plan, programs: list[Any], address: str, timeout: float | None, start: float
+    cell: Any,
+    post: Any,
+    made: Plan,
+    programs: list[Any],
+    address: str,
+    timeout: float | None,
+    start: float,
+    ready: Ready,
 ) -> tuple[Any, str]:
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
@@ -373,7 +335,7 @@ def _tried(
             address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again
         )
         try:
-            measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None)
+            measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None, ready=ready)
         except LinkError as error:
             why = str(error)
             if not journal.exists() or journal.read_bytes() == earlier:
@@ -412,19 +374,6 @@ def _unclear(seen: Any) -> bool:
 
     alive = next(j for j in commission.judge(seen) if j.experiment.belief == "alive")
     return bool(seen.begun and not seen.ended and not seen.records and alive.verdict.verdict != "FAIL")
-
-
-def _stopped(once: Any) -> bool | None:
-    """what came of the program while the stylus was held aside → whether it stopped for that; None: nobody knows.
-
-    A line that broke looks the same from here, so the person at the machine has to say it.
-    """
-    if once.records or once.ended:
-        return False
-    what = f"It stopped: {once.said.rstrip('.')}." if once.said else "Nothing was recorded."
-    text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
-    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
-    return True if answer == "y" else None
 
 
 def _asked(questions: dict[str, dict[str, str]], how: str) -> dict[str, dict[str, bool]]:

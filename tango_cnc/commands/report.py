@@ -257,9 +257,10 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
             ("p95", promise["p95_before_um"]["value"], promise["p95_after_um"]["value"], None),
         ]
         last = own[-1] if own else {"event": "proposed"}
-        state = ": ".join(str(last[key]) for key in ("event", "text") if last.get(key))
         made = local_day(kept.record.get("created_utc"))
-        found.append({"target": kept.record["target"], "date": made, "state": state, "rows": rows})
+        told = {"event": last["event"], "left": last.get("left_if_none_um"), "rows_not_met": bool(last.get("rows_not_met"))}
+        told["reason"] = last.get("text") if last["event"] == "rolled back" else None  # what somebody has typed
+        found.append({"target": kept.record["target"], "date": made, "rows": rows, **told})
     return found
 
 

@@ -18,7 +18,6 @@ from .rank import TOLERANCE, blurred, columns, independent
 from .words import describe
 
 SUBSETS = ("S1", "S2", "S3", "S4")
-REFERENCES = ("EXX1", "EYY1")  # the gain from which the others count where only their differences are seen; if not X, then Y
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,12 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to the one that was left out
-    reference: str = "EXX1"  # the gain that was left out, from which the relative ones count
+    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of `reference`
+    reference: str = "EXX1"
 
     @property
     def mismatch(self) -> bool:
-        """→ whether the touches show gains only as differences to that of another axis: nothing shows the absolute scale."""
+        """→ whether the touches show gains only as differences to that of one axis: nothing shows the absolute scale."""
         return bool(self.relative)
 
     def label(self, name: str) -> str:
@@ -53,47 +52,53 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     wanted = _wanted(machine, terms, degree)
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
     setup = [setup_coefficient(name) for name in setup_names(touches, calibrated)]
-    wanted, (kept, left, matrix, could) = _scale_last(touches.nominal, setup, wanted)
+    found = _visible(touches.nominal, setup, wanted)
+    kept, left, matrix, could = _with_gauge(touches.nominal, setup, wanted, found)
     noisy = blurred(Model(touches.nominal, tuple(kept)), matrix, could, {c.name for c in wanted})
     kept, left = [c for c in kept if c.name not in noisy], left | noisy
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
-    for reference in REFERENCES:
-        if reference in {*left} & asked and (relative := _relative(left[reference], names, reference in noisy)):
+    for reference in ("EXX1", "EYY1", "EZZ1"):
+        if reference in {*left} & asked and (relative := _relative_to(left[reference], names, reference in noisy)):
             return Selection(model, unseen, relative, reference)
     return Selection(model, unseen)
 
 
-def _relative(scale: Combination, fitted: set[str], faint: bool = False) -> frozenset[str]:
-    """combination that moves the touches as a gain does that was left out, fitted coefficients, whether it was left out as too
-    faint beside the others → gains of which the touches show only the difference to it.
+def _relative_to(scale: Combination, fitted: set[str], faint: bool) -> frozenset[str]:
+    """combination that moves the touches as a gain does, fitted coefficients, whether that gain was left out as too faint beside
+    them → gains of which the touches show only the difference to it.
     """
-    gains = (set(SCALES) - {scale.names[0]}) & fitted
+    gains = {*SCALES} & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))
     return frozenset(name for name in gains if faint or abs(known.get(name, 0.0) - 1) < 0.01)
 
 
-def _scale_last(
-    touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]
-) -> tuple[list[Coefficient], tuple[list[Coefficient], dict[str, Combination], Array, Array]]:
-    """touches at their nominal contacts, set-up, wanted coefficients → these in the order in which they were admitted; `_visible`.
+Visible = tuple[list[Coefficient], dict[str, Combination], Array, Array]
 
-    Where EXX1 is left out for a reason of its own (nothing turns X, or X is touched from one side) the other gains still share a
-    scale that nothing shows. Were both admitted first, an axis location would be left out in place of one of them: a real error
-    would end in gains that differ from the truth by a hundred times as much, and in all that the noise then bends.
+
+def _with_gauge(touches: Touches, setup: list[Coefficient], wanted: list[Coefficient], found: Visible) -> Visible:
+    """touches, coefficients, what `_visible` found → the same with the gain of another axis left out where X gives no scale.
+
+    Where the only rotary axis turns about X, no touch compares X with the other axes, and their common scale is left over. It
+    moves the touches as a place of the rotary axis does, a few mm from the origin: without that place, 30 µm of it would become
+    a scale of thousands of µm/m. So of both the one is left out whose usual size changes the others less.
     """
-    first = _visible(touches, setup, wanted)
-    lost = {c.name for c in wanted} & {*first[1]}
-    if REFERENCES[0] not in lost or _relative(first[1][REFERENCES[0]], {c.name for c in first[0]}):
-        return wanted, first
-    second = REFERENCES[1]
-    other = sorted(wanted, key=lambda c: c.name == second)
-    tried = _visible(touches, setup, other)
-    if second in tried[1] and _relative(tried[1][second], {c.name for c in tried[0]}):
-        return other, tried
-    return wanted, first
+    left, sizes = found[1], touches.machine.tolerances
+    if "EXX1" not in left or {*SCALES} & {*left["EXX1"].names[1:]}:
+        return found
+    names = {c.name: c.unit for c in wanted}
+    for combination in (left[name] for name in left if name in names and name not in SCALES):
+        weights = dict(zip(combination.names, combination.weights, strict=True))
+        for reference in (name for name in ("EYY1", "EZZ1") if name in weights):
+            own = sizes.location if names[combination.names[0]] == "mm" else sizes.angle
+            if abs(weights[reference]) * own <= sizes.scale:  # it changes the gain by less than a gain usually is
+                continue
+            again = _visible(touches, setup, sorted(wanted, key=lambda c: (c.name == "EXX1", c.name == reference)))
+            if {*again[1]} == {*left} - {combination.names[0]} | {reference}:
+                return again
+    return found
 
 
 def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Coefficient]:
@@ -111,7 +116,7 @@ def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Co
             continue
         names.add(c.name)
         result.append(c)
-    # The isotropic scale goes last, so that where it cannot be seen it is EXX1 that is left out.
+    # The isotropic scale goes last, so that where it cannot be seen it is EXX1 that is left out (else: `_with_gauge`).
     result.sort(key=lambda c: c.name == "EXX1")
     return result
 
@@ -146,9 +151,7 @@ def never_seen(machine: Machine, fitted: Sequence[str]) -> list[str]:
     return [say("unseen_said.backlash_of_no_plan", name=name, axis=axis) for axis, name in left.items()]
 
 
-def _visible(
-    touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]
-) -> tuple[list[Coefficient], dict[str, Combination], Array, Array]:
+def _visible(touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]) -> Visible:
     """→ coefficients kept; what is left out, in words; `columns` of the model of those kept.
 
     Facets and balls come first, then the setup, then the machine.

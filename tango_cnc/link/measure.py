@@ -77,6 +77,7 @@ def measure(
     confirm: Callable[[Plan, Program], None],
     most: int | None = None,
     keep: Callable[[Plan, Sequence[Program]], Sequence[Program]] = lambda part, programs: programs,
+    ready: Callable[[Program, bool], None] = lambda program, brought: None,
 ) -> dict[str, Any]:
     """cell, its plan, what is wanted, how to post a plan → provenance of the readings that are on disk now.
 
@@ -84,7 +85,8 @@ def measure(
     where; before that the protocol has looked at each, and the sensors have been read.
 
     A plan that is posted as several programs is run one after the other, over the same port, into the same readings.
-    `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
+    `confirm` is asked before the first byte of each is sent; it raises what stops the run. `ready` is asked the same when a person
+    who brings the program to the control (`brought`) has heard which file that is. Raises InputError before anything is
     opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
     """
     protocol, address = usable(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
@@ -123,6 +125,7 @@ def measure(
         said += [f"the control has to have {program.file} now: it is not sent"] if client.brought else []
         said += [client.before] if client.before else []
         _announced(watch, task, said)
+        ready(program, client.brought)
 
     agreed(1)
     transport = _opened(address, tasks[0])

@@ -16,6 +16,7 @@ from ..records import Array, Cell, Readings
 from ..report.tonight import is_gone
 from ..state import (
     NOISY,
+    Alone,
     Named,
     Seen,
     State,
@@ -58,8 +59,8 @@ from .sensors import told as told_of_sensors
 from .standing import by_urgency, since_full, standing, unheard
 from .stylus import crept, tip_of
 from .swings import as_swing, without_swing
-from .trend import drift, looking_ahead, slopes
-from .warmth import as_warm_as, unknown, with_warmth
+from .trend import UNLEARNED, drift, looking_ahead, slopes
+from .warmth import as_sure_as, as_warm_as, unknown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -166,7 +167,7 @@ class Nights(BeforeNight):
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
         what = self._seen(readings, ahead, ahead.mean)
-        tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(recent))
+        tonight = judge(ahead, what) if first else self._judge(ahead, what, recent)
         alarm = not first and tonight.alarm(1 / self.settings.false_alarm_nights * AT_ONCE)
         named, opened, stated = None, ahead, tonight
         tonight = as_scattered(ahead, what, stated)
@@ -196,6 +197,12 @@ class Nights(BeforeNight):
         """readings, what was expected, (p,) where touches are linear → what they say."""
         return seen(self.followed, readings, at, ahead.reference, self.settings.sensor)
 
+    def _judge(self, ahead: State, what: Seen, recent: Sequence[Mapping[str, Any]]) -> Tonight:
+        """what was expected, what the touches say, records newest first → the one test of the night."""
+        learned = next((r["state"].get("learned") for r in recent if r.get("state")), None)
+        alone = Alone(self.followed.machine, float(learned or UNLEARNED))
+        return judge(ahead, what, self.followed.points, self._again(recent), alone)
+
     def _named(
         self,
         past: Past,
@@ -216,7 +223,7 @@ class Nights(BeforeNight):
         if (far := parts.far(named)) is None:
             return named, what, stated, tonight
         what = self._seen(readings, ahead, ahead.mean + far)
-        stated = judge(ahead, what, self.followed.points, self._again(recent))
+        stated = self._judge(ahead, what, recent)
         tonight = as_scattered(ahead, what, stated)
         return name_change(ahead, self.followed, tonight, tried, done), what, stated, tonight
 
@@ -285,8 +292,10 @@ class Nights(BeforeNight):
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)
-        tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth) if trusted else None
-        waiting, silent = (as_warm_as(of, now, tonight is not None, date_of(day), u.recent) for of in (waiting, silent))
+        tonight, now = self._tonight(u, place, trusted), parts.mean(u.warmth)
+        heard_tonight = not told_of_sensors(u.sensors, self.settings.sensor, date_of(day)).get("doubt")
+        waiting, silent = (as_warm_as(of, now, heard_tonight, date_of(day), u.recent) for of in (waiting, silent))
+        waiting = as_sure_as(waiting, None if tonight is None else now, u.recent)
         waiting = by_urgency([as_swing(a, u.recent, tonight) for a in waiting])
         alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
         return replace(heard, alarms=alarms, waiting=waiting, silent=silent)

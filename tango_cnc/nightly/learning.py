@@ -11,12 +11,13 @@ import numpy as np
 
 from ..history import Knowledge
 from ..records import Array, Readings
-from ..state import Frame, Seen, State, learn, seen
+from ..state import Frame, Seen, State, learn, reopened, seen
 from ..state.filter import matched, restored, sigma_of
 from . import parts
 from .lag import Lag, followed_anew
 from .ports import Past
 from .sensors import counted
+from .warmth import unknown
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -53,24 +54,31 @@ class Earlier:
         before, waited = last.get("learned", 0), last.get("since_learned", LEARNED_EVERY) + 1
         if waited < LEARNED_EVERY:
             return after, before, waited
-        nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
-        nights.reverse()
-        readings, records = past.readings_of([n.entry for n in nights]), past.records_of([n.entry for n in nights])
-        nights = [n for n in nights if n.entry in readings and records[n.entry].get("state")]
+        measured = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status in ("complete", "partial") and n.touches]
+        measured.reverse()
+        readings, records = past.readings_of([n.entry for n in measured]), past.records_of([n.entry for n in measured])
+        nights = [n for n in measured if n.status == "complete" and n.entry in readings and records[n.entry].get("state")]
         if len(nights) < LEARNED_EVERY or (knowledge := past.night(nights[0].entry).knowledge) is None:
             return after, before, waited
         begin = matched(restored(*parts.three(knowledge), records[nights[0].entry]["state"]), self.followed)
         begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=after.rates.copy())
+        if unknown(self.followed, begin) and not unknown(self.followed, after):
+            # A night that was warmer, and the way back from it, would teach a machine without temperature that it wanders as far.
+            begin = reopened(begin, self.followed, None, temperature=True)
         seen_then: list[tuple[float, Seen]] = []
-        noise, opened = [], []
-        for place, night in enumerate(nights[1:]):
+        noise, opened, changed = [], [], False
+        for night in measured[measured.index(nights[0]) + 1 :]:
             record = records[night.entry]
+            changed |= bool(night.alarms or record.get("ignored") or record.get("repaired"))
+            if night not in nights:  # what changed in a night that broke off is first seen here in the next one
+                continue
             wide = parts.wider(record)
+            if changed:
+                opened.append(len(seen_then))
             seen_then.append((record["state"]["day"], self._counted(readings[night.entry], record, after)))
             rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
             noise.append(((rest["std_um"] / 1e3 / begin.sigma / wide) ** 2 * rest["dof"], float(rest["dof"])))
-            if night.alarms or record.get("ignored") or record.get("repaired"):
-                opened.append(place)
+            changed = False
         found = learn(self.followed, begin, seen_then, opened)
         agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement
         return replace(after, rates=found.rates, agreement=agreement), len(nights), 0

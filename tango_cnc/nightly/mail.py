@@ -9,6 +9,7 @@ from typing import Any
 from ..history import Decision
 from ..report.compensated import held
 from ..report.days import days_between
+from ..report.decimals import decimals
 from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night, stories
 from ..report.right import by_its_whole, without_full
@@ -16,10 +17,11 @@ from ..report.texts import Texts, code, texts
 from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
-from ..texts import Said, instead, say
+from ..texts import Said, instead, say, unstopped
 from ..texts.number import number
+from .doubt import is_small, left_over
 from .first import owner_of, parts_first
-from .words import beside, value, what_of
+from .words import beside, pace_of, what_of
 
 SHOWN = 3  # alarms that wait, in full
 OWN = (
@@ -67,7 +69,7 @@ def message(
         "",
         *_measured(record, newest, t),
     ]
-    return _subject(record, t), "\n".join(lines) + "\n"
+    return decimals(_subject(record, t), t), decimals("\n".join(lines) + "\n", t)
 
 
 def _subject(record: Mapping[str, Any], t: Texts) -> str:
@@ -185,6 +187,8 @@ def _besides(record: Mapping[str, Any], t: Texts) -> list[str]:
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
     if why := record.get("undiagnosed"):
         lines.append(f"* {t('night.undiagnosed', why=str(why).rstrip('.'))}")
+    if record["verdict"] != "doubtful" and left_over(found := record.get("diagnosis") or {}) and is_small(found):
+        lines.append(f"* {t('night.left_small', what=unstopped(t.of(found['unexplained'][0]['text'])))}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
         text = change["text"]
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
@@ -270,7 +274,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     usual = cause["do"]
     cause = by_its_whole(by_verdict(cause, record["verdict"]), record)
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
-    rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
+    rate = pace_of(cause["rate_per_day"], cause["unit"], cause.get("alike_by") or {}) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""

@@ -28,10 +28,10 @@ from ..texts import say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
 from .edited import asked, edited
+from .last_known import as_known_last
 from .left_behind import MISSED, UNKEPT, packed, put_on_record, with_left
 from .mail import message
 from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
-from .standing import standing, unheard
 from .suspects import to_check
 from .words import headline
 
@@ -241,8 +241,7 @@ def _kept(
         if stale := nights_old(measured_on(record), record["night"], settings.answers_for):
             record["stale_nights"] = stale
         with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
-            waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
-            silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")
+            waiting, silent = as_known_last(world, record["machine"], day_of(ended), str(record["night"]))
             record |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
     with suppress(TangoError, OSError):
         record |= to_check(world.past, record)

@@ -21,12 +21,15 @@ from ..texts import Said, joined, say
 from .sensor_doubt import DOUBTED, in_doubt, sentence
 
 TEMPERATURE = "temperature"  # cause of an alarm
+ALIKE = {f"night.sensors.{key}": f"night.sensors.{key}_all" for key in ("silent", "gone", "never")}  # of one: of several
 HEARD, PARTLY, SILENT, FROZEN = "heard", "partly", "silent", "frozen"
 MOST = 0.5  # of the touches that have to have a value, for what was heard to stand for the others
 FEW = 0.1  # of the touches that may be without one and nobody need know: the first message of a broker comes when it comes
 RARE = 0.02  # chance of a sensor that lives, below which what it says again and again is no temperature
 SAME = 1e-6  # K
 MONTH = 30  # nights of one value before a sensor that says whole degrees is thought to hang
+A_KELVIN = {"mm": 5e-3, "rad": 5e-6, "mm/mm": 2e-5}  # what moves by more for a kelvin is no matter of temperature
+UNSEEN = 10.0  # K: a shop that nobody hears goes no farther from what it was last
 TOLD = 14  # days for which a column that is there no more is told; somebody may have taken the sensor away
 
 
@@ -167,7 +170,7 @@ def told(sensors: Mapping[str, Mapping[str, Any]], wanted: str | None, night: st
     if not bad:
         return {}
     counting = [n for n in bad if wanted in (None, n) or wanted not in sensors]
-    parts = [_one(name, s) for name, s in bad.items()]
+    parts = _each(bad)
     lost = [n for n in counting if bad[n]["state"] != PARTLY]
     doubt = [n for n in lost if "counts" in bad[n] and not bad[n]["by"]]
     rests, text = "sensors", say("night.sensors.rests_heard")
@@ -201,6 +204,17 @@ def _rests(bad: Mapping[str, Any], lost: Sequence[str], sensors: Mapping[str, An
     return "nothing", say("night.sensors.rests_nothing")
 
 
+def _each(bad: Mapping[str, Mapping[str, Any]]) -> list[Said]:
+    """sensors that do not speak → a sentence for each, without its full stop; those of which it is the same have one together."""
+    found: dict[Said, tuple[Said, list[str]]] = {}
+    for name, s in bad.items():
+        own = _one(name, s)
+        found.setdefault(own.but(name="") if own.key in ALIKE else own, (own, []))[1].append(name)
+    return [
+        own if len(names) == 1 else say(ALIKE[own.key], **{**own.values, "name": ", ".join(names)}) for own, names in found.values()
+    ]
+
+
 def _one(name: str, s: Mapping[str, Any]) -> Said:
     """sensor, what it did → a sentence without its full stop."""
     if s["state"] == PARTLY:
@@ -220,22 +234,28 @@ def _one(name: str, s: Mapping[str, Any]) -> Said:
 
 
 def see_to_it_first(alarms: Sequence[dict[str, Any]], temperature: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """alarms of tonight, member `temperature` → the same; where what counts was not measured tonight, the sensor is the first thing
-    to be seen to, and a machine that is warmer or colder may be all that has changed.
+    """alarms of tonight, member `temperature` → the same; where what counts was not measured tonight and the alarm may be no more
+    than a machine that is warmer or colder, that is what else it may be, and the sensor is the first thing to be seen to.
     """
     if temperature.get("rests", "sensors") == "sensors":
         return list(alarms)
     names = ", ".join(temperature["sensors"])
     key = "night.sensors.do_doubted" if temperature.get("doubted") else "night.sensors.do"
-    doubt = [TEMPERATURE] if temperature["doubt"] else []
-    return [
-        {
-            **a,
-            "do": say(key, do=a["do"], names=names),
-            "instead": [*(n for n in doubt if n != a["cause"]), *a["instead"]],
-        }
-        for a in alarms
-    ]
+    found = []
+    for a in alarms:
+        doubt = bool(temperature["doubt"]) and _in_reach(a)
+        if doubt and a["cause"] != TEMPERATURE:
+            a = a | {"instead": [TEMPERATURE, *(n for n in a["instead"] if n != TEMPERATURE)]}
+        if TEMPERATURE in (a["cause"], *a["instead"]):  # a sensor beside others that are believed has nothing to do with a knock
+            a = a | {"do": say(key, do=a["do"], names=names)}
+        found.append(a)
+    return found
+
+
+def _in_reach(alarm: Mapping[str, Any]) -> bool:
+    """alarm → whether a shop that nobody hears may have made its size by its temperature alone."""
+    size, most = alarm.get("size"), A_KELVIN.get(str(alarm.get("unit")))
+    return size is None or most is None or abs(float(size)) <= most * UNSEEN
 
 
 def by_how_much(

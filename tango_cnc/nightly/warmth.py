@@ -15,17 +15,17 @@ from ..records import Array
 from ..report.tonight import is_gone
 from ..state import Frame, State
 from ..state.naming import WARMER
-from ..texts import say
-from .sensors import TEMPERATURE, by_how_much, celsius_of
+from ..texts import Said, say
+from .sensors import A_KELVIN, TEMPERATURE, by_how_much, celsius_of
 from .standing import own_of
 from .words import value
 
-MOST = {"mm": 5e-3, "rad": 5e-6, "mm/mm": 2e-5}  # per K: what moves by more is no matter of temperature
 LOOKED, ENOUGH = 14, 5  # nights
 STIRRED = 0.5  # K, standard deviation of the temperature of those nights
 FOLLOWS = 0.9  # share of its variance that the temperature explains, from which an error is said to go with it
 BACK = 0.5  # of the kelvin of an alarm, below which the machine is as warm as before it
 SHARE = 0.3  # of what the temperature would make: what an alarm may be beside it and still go with the temperature alone
+SENSOR_FIRST = ("night.sensors.do", "night.sensors.do_doubted")  # keys of what to do where a sensor is to be seen to first
 UNKNOWN = 1e-8  # standard deviation of a coefficient per K that no night has opened
 
 
@@ -41,7 +41,7 @@ def with_warmth(
     same; where the machine is warmer or colder than in the night it is compared with, and that may be all, `warmer`, `instead` and
     what to do say so.
     """
-    most, own = MOST.get(str(alarm["unit"])), own_of(parameters, str(alarm["parameter"]))
+    most, own = A_KELVIN.get(str(alarm["unit"])), own_of(parameters, str(alarm["parameter"]))
     known = [(c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None]
     then = next((x for x in known if x[1] == alarm.get("since")), known[0] if known else None)  # the night of its size
     if most is None or own is None or now is None or then is None or alarm.get("repair") or abs(now - then[0]) < WARMER:
@@ -82,6 +82,24 @@ def as_warm_as(
         return list(alarms)
     told = [_as_warm_as(a, now, believed) if a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
     return [a | {"gone_by": _gone_by(a, night, recent)} if a["cause"] == TEMPERATURE and a.get("ended") else a for a in told]
+
+
+def as_sure_as(alarms: Sequence[dict[str, Any]], now: float | None, recent: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """alarms of other nights, °C by a sensor that is believed tonight (None: there is none), records newest first → the same; where
+    the machine is as warm as in the night before an alarm and what moved is still there, temperature is not what else it may be,
+    and no sensor is to be seen to first.
+    """
+    then = {str(r["night"]): c for r in recent if (c := celsius_of(r)) is not None}
+
+    def told(a: dict[str, Any]) -> dict[str, Any]:
+        before = then.get(str(a.get("since")))
+        asked = a["cause"] != TEMPERATURE and not a.get("warmer") and TEMPERATURE in (a.get("instead") or ())
+        if now is None or before is None or abs(now - before) >= WARMER or not asked or not a["now"] or is_gone(a["now"]):
+            return a
+        do = a["do"].values["do"] if isinstance(a.get("do"), Said) and a["do"].key in SENSOR_FIRST else a.get("do")
+        return a | {"instead": [n for n in a["instead"] if n != TEMPERATURE], "do": do}
+
+    return [told(a) for a in alarms]
 
 
 def _gone_by(alarm: Mapping[str, Any], night: str, recent: Sequence[Mapping[str, Any]]) -> str:

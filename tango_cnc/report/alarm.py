@@ -13,7 +13,7 @@ from .reach import of_two, or_else
 from .repeated import before_repair
 from .texts import Texts, texts
 from .units import Units
-from .words import named
+from .words import named, spoken
 
 
 def size_of(a: Mapping[str, Any]) -> float:
@@ -63,6 +63,7 @@ def alarm(
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, *asks),
         "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
         "decision": decision,
+        "symbol": "" if spoken(str(a.get("parameter") or "")) == str(a.get("parameter") or "") else str(a["parameter"]),
         "drifts": False,
         "moves_from": bool(a.get("rate_per_day")) and days_between(a.get("since") or asked, asked) > 1,  # its alarm came later
         "gone": False,

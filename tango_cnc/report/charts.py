@@ -201,7 +201,7 @@ def course(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
         ]
         title = t(f"diagnosis.{key}", rms=rms, unit=unit)
         series = [s for s in series if len(s.x)]
-        drawn.append(chart(series, Canvas(860, 190, title, "min", unit, y_range=(-limit, limit))))
+        drawn.append(chart(series, Canvas(860, 190, title, t("place.min"), unit, y_range=(-limit, limit))))
         if d.after is d.before:
             break
     return drawn

@@ -21,6 +21,8 @@ HELD = {KEPT: "in_control", AS_SEEN: "in_control", "written": "in_control_writte
 ENTERING = ("cause.axis_location.do", "part.square_do", "night.most_do", "night.beyond_do")  # that speak of a compensation
 GIVEN, TAKEN_OUT = "changed.after_compensation_given", "changed.after_compensation_taken_out"
 ORDERS = {"written": "measure_first", "undecided": "decide", "no help": "take_out"}  # event: key of what to do
+_OUR_ORDERS = tuple(f"night.{key}" for key in (*ORDERS.values(), "measure_again"))
+WRITES = ("night.most_do", "night.beyond_do")  # that ask for nothing but a compensation, or a repair
 
 
 def marked(events: Sequence[Any], t: Texts) -> dict[str, str]:
@@ -116,6 +118,9 @@ def as_loaded(alarm: Mapping[str, Any], events: Sequence[Any]) -> dict[str, Any]
     if own is not None:
         return _of_compensation(alarm, *own, there, events)
     moment = str(alarm.get("utc") or "")
+    if (done := _done_since(alarm.get("do"), moment, there, events)) is not None:
+        key = "night.compensation_out_do" if done.event == BACK else "night.compensation_ready_do"
+        return {**alarm, "do": say(key, **_words(done)), "settled": False}
     if there is not None and _asked_then(alarm.get("do"), there):  # what that order asks for was done since
         words = {"number": there.number, "target": there.target, "event": there.event, "date": local_day(there.utc)}
         do = say("night.compensation_measured_do" if there.measured else order(there.event), **words)
@@ -128,10 +133,21 @@ def as_loaded(alarm: Mapping[str, Any], events: Sequence[Any]) -> dict[str, Any]
     return {**alarm, "do": do, "on_part": part, "on_part_um": None, "confirmed": None, "settled": True}
 
 
+def _done_since(do: Any, moment: str, there: Holds | None, events: Sequence[Any]) -> Any | None:
+    """what to do of a night, when that began (UTC), what the control holds, events → the last event where that is what it asks
+    for: the compensation was taken out again, or one was written that waits to be loaded; else None.
+    """
+    last = next(iter(reversed(in_order(events))), None)
+    if last is None or there is not None or not isinstance(do, Said) or not moment or str(last.utc)[:19] < moment[:19]:
+        return None
+    if do.key in _OUR_ORDERS:
+        return last if last.event == BACK and str(do.values.get("number")) == str(last.number) else None
+    return last if do.key in WRITES and last.event == "proposed" else None
+
+
 def _asked_then(do: Any, there: Holds) -> bool:
     """what to do of a night, what the control holds → whether it is an order about that compensation, of before its last event."""
-    keys = [f"night.{key}" for key in (*ORDERS.values(), "measure_again")]
-    ours = isinstance(do, Said) and do.key in keys and str(do.values.get("number")) == str(there.number)
+    ours = isinstance(do, Said) and do.key in _OUR_ORDERS and str(do.values.get("number")) == str(there.number)
     return ours and str(do.values.get("event")) != there.event
 
 
@@ -167,7 +183,7 @@ def _words(e: Event) -> dict[str, Any]:
 def _enters(do: Any) -> bool:
     """what to do about an alarm → whether it speaks of a compensation, or is what was said in place of that."""
     first = do.values.get("0") if isinstance(do, Said) and do.key == LIST else do
-    ours = ("night.compensation_since_do", *(f"night.{key}" for key in (*ORDERS.values(), "measure_again")))
+    ours = ("night.compensation_since_do", *_OUR_ORDERS)
     return isinstance(first, Said) and first.key in (*ENTERING, *ours)
 
 

@@ -14,6 +14,7 @@ from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
+from .decimals import decimals_of_page
 from .engineer import numbers
 from .faults import accepted, answered, begun, faults, for_setting_up, of_probe, settled, still_open
 from .newer import NewerAnswer
@@ -64,8 +65,9 @@ def render(
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
     known: dict[str, Any] = {"before": before, "within": within, "never": never, "volumes": volumes, "events": events}
-    values = context(record, decisions, units, texts_of(folder), **known, signs=signs, unsure=unsure)
-    return rendered(environment(folder), "morning.html", values)
+    t = texts_of(folder)
+    values = context(record, decisions, units, t, **known, signs=signs, unsure=unsure)
+    return decimals_of_page(rendered(environment(folder), "morning.html", values), t)
 
 
 def context(
@@ -245,6 +247,7 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
         ],
         "edited": whole_sentence(sentence(plain((record.get("edited") or {}).get("text"), u, t, machine), Units())),
         "warm": whole_sentence(sentence(plain((record.get("temperature") or {}).get("text"), u, t, machine), Units())),
+        "unalarmed": _unalarmed(record, u, t, machine),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
@@ -304,6 +307,17 @@ def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None)
     since = x.get("since")  # older records do not have it
     told = whole_sentence(sentence(plain(x.get("text"), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
+
+
+def _unalarmed(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """record, units, texts, chain of axes → what has moved without an alarm, as a sentence of the shop; '' for nothing, and where
+    an alarm says it.
+    """
+    trend = record.get("trend") or {}
+    own = (a for key in ("standing", "unheard") for a in record.get(key) or ())
+    if any(a.get("parameter") == trend.get("parameter") and a.get("rate_per_day") for a in own):
+        return ""  # that goes on is what its alarm says
+    return whole_sentence(sentence(plain(trend.get("text"), u, t, machine), Units()))
 
 
 def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, machine: Machine | None) -> list[str]:

@@ -17,13 +17,13 @@ def shown_over(d: Diagnosis, test: Test, t: Texts | None = None) -> tuple[Array,
     name = test.covariate
     axis = name[-1] if name.startswith("way of ") else name
     if name == "time" or name.startswith("shift "):
-        return test.centre / 60, "min"
+        return test.centre / 60, t("place.min")
     if name == "indexation":
         return test.centre + 1, t("picture.by_indexation")
     if axis in machine.linear:
         return test.centre, "mm"
     if axis in machine.names:
-        return np.degrees(test.centre), "deg"
+        return np.degrees(test.centre), "°"
     if name.startswith("normal "):
         return test.centre, t("place.cosine")
     units = {"order": t("place.touch"), "facet": t("picture.by_facet"), "feed": "mm/min"}
@@ -41,7 +41,7 @@ def covariate_of(d: Diagnosis, f: Finding, t: Texts | None = None) -> tuple[str,
     if over == "time" or name not in touches.machine.names:
         if over == "probe":
             n = touches.spindle_normal
-            return t("picture.by_probe"), np.degrees(np.arctan2(n[:, 1], n[:, 0])), "deg"
-        return t("place.time"), touches.time / 60, "min"
+            return t("picture.by_probe"), np.degrees(np.arctan2(n[:, 1], n[:, 0])), "°"
+        return t("place.time"), touches.time / 60, t("place.min")
     values = touches.axis(name)
-    return (name, values, "mm") if name in touches.machine.linear else (name, np.degrees(values), "deg")
+    return (name, values, "mm") if name in touches.machine.linear else (name, np.degrees(values), "°")

@@ -17,7 +17,8 @@ from .answer import dates_cut_off
 from .audit import audit, made_of, source
 from .checks import verdict
 from .course import course
-from .days import at
+from .days import at, day
+from .decimals import decimals_of_page
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, not_seen, uncertainty, withheld
@@ -27,7 +28,7 @@ from .orders import by_night
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
-from .texts import Texts, texts, texts_of
+from .texts import Texts, code, texts, texts_of
 from .units import Units, shown
 from .verdict import Check, Verdict, worst_of
 from .words import spoken
@@ -38,7 +39,8 @@ INTERVAL = 1.96  # standard deviations of the band of a trend
 
 def render(f: Facts, folder: Path | None = None, values: Mapping[str, Any] | None = None) -> str:
     """facts, folder of a shop's templates or None, `context` where it was made before → HTML."""
-    return rendered(environment(folder), "report.html", values or context(f, texts_of(folder)))
+    t = texts_of(folder)
+    return decimals_of_page(rendered(environment(folder), "report.html", values or context(f, t)), t)
 
 
 def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
@@ -98,7 +100,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "unseen": [*(t.of(text) for text in not_seen(f)), *withheld(f, t)],
         "uncertainty": uncertainty(f, t),
         "trend": _trend(f, t),
-        "compensations": [_compensation(c, u, t) for c in f.compensations],
+        "compensations": [of_compensation(c, u, t) for c in f.compensations],
         "audit": audit(f, t),
         "pictures": f.wishes.pictures,
         "files": f.paper.files,
@@ -377,13 +379,19 @@ def titled(name: str, machine: Machine | None, t: Texts) -> str:
     return name if what == name else f"{what[:1].upper()}{what[1:]} ({name})"
 
 
-def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
+def of_compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
+    """what is on record of a compensation, units, texts → the same as a page shows it: numbers, bars, state, date."""
     sizes = [(name, [None if v is None else float(v) * u.per_micron for v in values]) for name, *values in c["rows"]]
     named = [(t(f"compensation.{name}", unit=u.small), values) for name, values in sizes]
     rows = [(name, *("–" if v is None else f"{v:.1f}" for v in values)) for name, values in named]
     what = [t(f"compensation.{key}") for key in ("before", "promised", "after")]
-    said = t("compensation.target", target=c["target"], date=c["date"])
-    return {**c, "rows": rows, "bars": _safe(charts.compensated(named, what, u.small, said))}
+    date, figures = day(c["date"], t), {key: f"{float(c[key]) * u.per_micron:.1f} {u.small}" for key in ("left",) if c.get(key)}
+    said = t("compensation.target", target=c["target"], date=date)
+    state = [t.of(code(str(c["event"]))), *([str(c["reason"])] if c.get("reason") else [])]
+    more = [t("compensation.not_seen", **figures)] if figures else []
+    more += [t("compensation.rows_not_met")] if c.get("rows_not_met") else []
+    told = " ".join([f"{': '.join(state)}.", *more, t("compensation.whole")])
+    return {**c, "date": date, "state": shop(told, t), "rows": rows, "bars": _safe(charts.compensated(named, what, u.small, said))}
 
 
 def as_json(f: Facts) -> dict[str, Any]:

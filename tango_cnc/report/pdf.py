@@ -12,6 +12,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ..records import InputError
+from .decimals import decimals, decimals_of_page
 from .facts import Facts
 from .glyphs import note
 from .page import context
@@ -70,11 +71,12 @@ def render(
             count += 1
             paper = (LETTER if f.wishes.units.system == "inch" else A4) / columns - (GUTTER / 2 if columns > 1 else 0.0)
             wide = float(width.removesuffix("pt")) if width.endswith("pt") else float(width.removesuffix("%")) / 100 * paper
-            (root / f"{count}.svg").write_text(legible(_plain(str(svg)), wide), encoding="utf-8")
+            (root / f"{count}.svg").write_text(decimals_of_page(legible(_plain(str(svg)), wide), t), encoding="utf-8")
             drawn.append(str(svg))
             return f'image("{count}.svg", width: {width})'
 
-        env.filters["q"] = lambda value: Markup(quoted(value))
+        t = texts_of(folder)
+        env.filters["q"] = lambda value: Markup(quoted(decimals(str(value), t)))
         env.filters["image"] = lambda value, width="100%", columns=1: Markup(image(value, width, columns))
         values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES, "no_font": ""}
         source, text = root / "report.typ", rendered(env, "report.typ", values)

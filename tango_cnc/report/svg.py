@@ -113,6 +113,8 @@ def number(value: float) -> str:
     text = f"{value:.10g}" if abs(value) < 1e5 else f"{value:.3g}"
     if len(text) > 7:
         text = f"{value:.3g}"
+    if "e-" in text and abs(value) > 1e-6:  # 0.00005 in is a tick of an axis
+        text = f"{value:.8f}".rstrip("0")
     return text.replace("-", "−")
 
 

@@ -7,6 +7,7 @@ import textwrap
 from .answer import LEVELS
 from .characters import SIGNS, bar, colored, width
 from .checks import verdict
+from .decimals import decimals
 from .facts import Facts
 from .may import grown, may
 from .page import parameters, sentence
@@ -50,7 +51,7 @@ def summary(found: Facts, columns: int | None = None, t: Texts | None = None) ->
             lines.append(f"  {r['name']:<{indent - 4}} {drawn} {end}")
         if names := ", ".join(r["name"] for r in rows if r["untrusted"]):
             lines += textwrap.wrap(f"  {SIGNS['stop']} {t('verdict.not_these', names=names)}", columns)
-    return "\n".join(lines)
+    return decimals("\n".join(lines), t)
 
 
 def _headed(head: str, text: str, level: Level, columns: int) -> list[str]:

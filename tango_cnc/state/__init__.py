@@ -8,7 +8,7 @@ the control charts of old.
 """
 
 from .choose import Choice, choose
-from .filter import NOISY, State, Tonight, as_scattered, grown, judge, predicted, reopened, start, updated
+from .filter import NOISY, Alone, State, Tonight, as_scattered, grown, judge, predicted, reopened, start, updated
 from .frame import Frame, Seen, frame, seen
 from .naming import Hypothesis, Named, hypotheses, name_change
 from .rates import learn
@@ -18,6 +18,7 @@ from .within import Within, stepped
 
 __all__ = [
     "NOISY",
+    "Alone",
     "Choice",
     "Frame",
     "Hypothesis",

@@ -2,7 +2,8 @@
 
 Covariances are carried as P = S Sᵀ. With x = m + S u the state is u ~ N(0, 1) before the touches, whatever the units are, and
 one QR decomposition of [1; H S / σ] gives what is known after them (Bierman 1977; Kaminski, Bryson & Schmidt 1971).
-The test asks whether the touches agree with what was predicted: νᵀ (H P Hᵀ + σ²)⁻¹ ν, one number for the whole machine.
+The test asks whether the touches agree with what was predicted: νᵀ (H P Hᵀ + σ²)⁻¹ ν, one number for the whole machine. Beside it
+the largest of the same numbers along single parameters (`Alone`): what moves alone is lost among forty directions.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,7 @@ FREE = 30.0  # standard deviations that the machine may have moved, when single 
 SHARED = 0.05  # of the variance of a touch: with less, its point may have moved as well as the touch be wrong
 FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
 SMALLEST = 1e-5  # mm, of the standard deviation of a touch
+FELT = 1e-6  # standard deviations a mm or rad: a parameter that tonight's touches feel less is not tried alone
 NOISY = FALSE_ALARMS / 3  # chance of the scatter of a night, below which its touches count for no more than that scatter says
 
 
@@ -65,6 +68,13 @@ class State:
         return {}
 
 
+class Alone(NamedTuple):
+    """Parameters that may have moved alone: their (m,) places, and the nights that their rates are learned from."""
+
+    places: NDArray[np.int64]
+    nights: float
+
+
 @dataclass(frozen=True)
 class Tonight:
     """What the touches of a night say against what was predicted, before they are believed."""
@@ -81,6 +91,7 @@ class Tonight:
     innovation: Array = field(repr=False)  # (k,) standard deviations of a touch
     noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom
     wider: float = 1.0  # times as much as stated that touches scatter, where that is no chance
+    alone: Alone | None = None  # what was tried by itself as well
 
     def alarm(self, rate: float = FALSE_ALARMS) -> bool:
         """false alarms a night → whether tonight is one."""
@@ -120,11 +131,18 @@ def sigma_of(state: State) -> float:
     return float(np.sqrt((squares + TRUST * state.sigma**2) / (dof + TRUST)))
 
 
-def judge(state: State, what: Seen, points: NDArray[np.int64] | None = None, again: Sequence[int] = ()) -> Tonight:
+def judge(
+    state: State,
+    what: Seen,
+    points: NDArray[np.int64] | None = None,
+    again: Sequence[int] = (),
+    alone: Alone | None = None,
+) -> Tonight:
     """predicted state, what the touches say → the one test of the night. Single touches that fit nothing are set apart.
 
     `points`: places of facets and balls among the unknowns. The only touch of a point is set apart too when it is far off: a chip
     is more likely than a facet that has moved. `again`: touches of points where that was so the last time; now they count.
+    `alone`: parameters that are tried one by one as well, with half of what the test of the machine has of the false alarms.
     """
     sigma = sigma_of(state)
     outliers = _outliers(state, what, sigma, points, again)
@@ -132,12 +150,12 @@ def judge(state: State, what: Seen, points: NDArray[np.int64] | None = None, aga
     reduced, innovation, left, dof = _reduced(state, used, sigma)
     total, nights = state.agreement
     scale = max((total + TRUST) / (nights + TRUST), 0.5)
-    statistic, p_machine = _machine(reduced, innovation, scale, nights + TRUST)
+    statistic, p_machine = _machine(state, reduced, innovation, scale, nights + TRUST, alone)
     seen_dof = state.noise[1] + TRUST
     p_noise = float(special.fdtrc(dof, seen_dof, left / dof)) if dof > 0 else 1.0
     wider = max(float(np.sqrt(left / dof)), 1.0) if p_noise < NOISY else 1.0
     found = _both(p_machine, p_noise), p_machine, p_noise, outliers, len(what.value), scale, reduced, innovation
-    return Tonight(statistic, len(innovation), *found, (left * sigma**2, float(dof)), wider)
+    return Tonight(statistic, len(innovation), *found, (left * sigma**2, float(dof)), wider, alone)
 
 
 def as_scattered(state: State, what: Seen, tonight: Tonight) -> Tonight:
@@ -148,18 +166,44 @@ def as_scattered(state: State, what: Seen, tonight: Tonight) -> Tonight:
         return tonight
     reduced, innovation, _, _ = _reduced(state, what.without(tonight.outliers).wider(tonight.wider), sigma_of(state))
     sure = min(state.agreement[1] + TRUST, tonight.noise[1])  # that scatter is known from the touches of one night
-    statistic, p = _machine(reduced, innovation, tonight.scale, sure)
+    statistic, p = _machine(state, reduced, innovation, tonight.scale, sure, tonight.alone)
     judged = replace(tonight, statistic=statistic, p_value=_both(p, tonight.p_noise), p_machine=p)
     return replace(judged, reduced=reduced, innovation=innovation, dof=len(innovation))
 
 
-def _machine(reduced: Array, innovation: Array, scale: float, sure: float) -> tuple[float, float]:
-    """(k, p) rows of u, (k,) innovations, scale of the statistic, its degrees of freedom → statistic, p-value of the machine."""
+def _machine(
+    state: State, reduced: Array, innovation: Array, scale: float, sure: float, alone: Alone | None
+) -> tuple[float, float]:
+    """predicted state, (k, p) rows of u, (k,) innovations, scale of the statistic, its degrees of freedom, what is tried alone →
+    statistic, p-value of the machine: that of all directions together and that of the parameter which stands out most.
+    """
     k = len(innovation)
-    spread = np.eye(k) + reduced @ reduced.T
-    white = linalg.solve_triangular(np.linalg.cholesky(spread), innovation, lower=True)
+    if not k:
+        return 0.0, 1.0
+    root = np.asarray(np.linalg.cholesky(np.eye(k) + reduced @ reduced.T), dtype=float)
+    white = linalg.solve_triangular(root, innovation, lower=True)
     statistic = float(white @ white)
-    return statistic, float(special.fdtrc(k, sure, statistic / k / scale)) if k else 1.0
+    p = float(special.fdtrc(k, sure, statistic / k / scale))
+    return statistic, p if alone is None else _both(p, _alone(state, reduced, root, white, scale, sure, alone))
+
+
+def _alone(state: State, reduced: Array, root: Array, white: Array, scale: float, sure: float, alone: Alone) -> float:
+    """predicted state, (k, p) rows of u, (k, k) root of what is predicted of the innovations, these made white, as `_machine` →
+    p-value of the parameter that stands out most, all that are tried paid for (Bonferroni).
+
+    What is predicted rests on rates that are known from so many nights only. So far as it makes what chance may do, chance has
+    the tails of Student's t with as many degrees of freedom (Welch and Satterthwaite: GUM, G.4.1).
+    """
+    inside = linalg.solve_triangular(state.root, np.eye(len(state.names))[:, alone.places], lower=True)
+    along = linalg.solve_triangular(root, reduced @ inside, lower=True)
+    size = np.linalg.norm(along, axis=0)
+    along = along[:, size > FELT] / size[size > FELT]
+    if not along.shape[1]:
+        return 1.0
+    far = np.abs(along.T @ white) / np.sqrt(scale)
+    touched = np.sum(linalg.solve_triangular(root, along, lower=True, trans="T") ** 2, axis=0)  # share of the scatter of touches
+    freedom = 1 / (1 / sure + (1 - touched) ** 2 / alone.nights)
+    return min(1.0, float(np.min(2 * special.stdtr(freedom, -far))) * along.shape[1])
 
 
 def _both(p_machine: float, p_noise: float) -> float:

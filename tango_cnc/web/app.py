@@ -32,6 +32,7 @@ from ..records import TangoError
 from ..report.alarm import sentence, since_told
 from ..report.answer import dates_cut_off, is_cut_off, is_unsent
 from ..report.days import at, clock, day, local_day, spoken_days
+from ..report.decimals import decimals_of_page
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
@@ -316,7 +317,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "may_operate": may(role_of(request), "operate"),
         **values,
     }
-    return HTMLResponse(state.templates.get_template(template).render(**context), status)
+    return HTMLResponse(decimals_of_page(state.templates.get_template(template).render(**context), state.texts), status)
 
 
 def made(t: Texts) -> str:

@@ -55,13 +55,15 @@ def trends(request: Request) -> Response:
     for name in names:
         series = every[name]
         factor, unit = state.units.coefficient(series.unit)
+        if unit == "µin":  # as the tool tip above: a micro-inch is no size in a shop
+            factor, unit = factor * state.units.plain[0] / state.units.per_micron, state.units.plain[1]
         days = _days(series.nights)
         alarm = [entry in marks for entry in series.entries]
         points = {
             "title": titled(name, axes, state.texts),
             "first": date.fromisoformat(series.nights[0]),
             "days": days,
-            "limit": allowed[name] * state.units.of(shown(series.unit)[1])[0] if name in allowed else None,
+            "limit": allowed[name] * factor / shown(series.unit)[0] if name in allowed else None,
             "value": series.value * factor,
             "half": INTERVAL * series.std * abs(factor),
             "alarm": alarm,
