@@ -34,6 +34,15 @@ def night(**more: Any) -> dict[str, Any]:
     return record | {"headline": headline(record)}
 
 
+@pytest.mark.parametrize(
+    ("by", "pace"), [(-1.0, ", 1.0 µm a day:"), (1.0, ", +1.0 µm a day:"), (0.5, "+1.0 µm a day (the first of them):")]
+)
+def test_the_pace_of_axes_that_no_touch_tells_apart_has_no_sign_of_one_of_them(by: float, pace: str) -> None:
+    """Spindle by −20 µm or C axis by +20 µm, "−1 µm a day"."""
+    told = Drift("EX0S", "2026-10-11", 0.02, 1e-3, "mm", 0.001, 9.0, 1e-9, 20.0, "p", "d", True, alike={"EX0C": by})
+    assert pace in told.text, told.text
+
+
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_drift_that_a_full_measurement_has_found_again_keeps_the_advice_of_a_drift(steady: bool) -> None:
     """What came at once is asked about; what goes on is looked for."""

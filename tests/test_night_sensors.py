@@ -57,6 +57,16 @@ def follow(*each: Readings) -> list[dict[str, Any]]:
 LIVE = [read(bed=[20.0 + d, 20.1 + d, 20.2 + d, 20.3 + d], room=[22.0 + d] * 3 + [22.1 + d]) for d in (0.0, 0.3, 0.1, 0.7)]
 
 
+def test_sensors_that_fell_silent_together_are_one_sentence() -> None:
+    """Four times "temperature sensor … has said nothing since the night of …"."""
+    names = ("air", "bar", "bed")
+    seen = read(**{name: [20.0 + i, 20.1 + i, 20.2 + i, 20.3 + i] for i, name in enumerate(names)})
+    (tonight, *_) = follow(seen, read(**{name: [NAN] * 4 for name in names}))
+    text = told(tonight["sensors"], None, tonight["night"])["text"]
+    assert text.startswith("temperature sensors air, bar, bed have said nothing since the night ending 2026-10-01.")
+    assert text.count("have said nothing") == 1 and told(tonight["sensors"], None, tonight["night"])["sensors"] == list(names)
+
+
 def test_a_night_whose_sensors_speak_says_nothing_of_them() -> None:
     newest = follow(*LIVE)[0]
     assert told(newest["sensors"], None, newest["night"]) == {} and told(newest["sensors"], "bed", newest["night"]) == {}

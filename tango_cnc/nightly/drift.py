@@ -27,7 +27,7 @@ from .course import (
     now_of,
     only,
 )
-from .words import as_recorded, changed, one_day, sizes_of, value, what_of
+from .words import a_day, as_recorded, changed, one_day, sizes_of, value, what_of
 
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
@@ -68,7 +68,7 @@ class Drift:
             return say("night.sensors.swings", text=moved, name=self.parameter, rate=self.swings[0], count=self.swings[1])
         if not self.steady:
             return moved
-        moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))
+        moved = a_day(moved, self.rate_per_day, self.unit, self.alike)
         if self.nights is None:
             return moved
         return texts()(f"changed.reaches{one_day(self.nights)}", moved=moved, what=what_of(self.limit), nights=f"{self.nights:.0f}")

@@ -13,7 +13,6 @@ from typing import Any
 from ..history import Decision
 from ..history.answers import of_machine
 from ..records import Array
-from ..report.texts import texts
 from ..report.tonight import LENGTHS, is_over, is_unseen
 from ..state import Named, State
 from ..state.changes import change
@@ -27,7 +26,7 @@ from .drift import drift_do
 from .moved import SURE, Moved, moved
 from .ports import Past
 from .standing import own_of
-from .words import value
+from .words import a_day, value
 
 ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm
 GREW = 0.25  # of its size, by which an alarm has grown by the last night where it goes on without a further alarm
@@ -220,7 +219,7 @@ def _told(
     days = (date.fromisoformat(date_of(after.day)) - date.fromisoformat(since)).days
     rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size) and not twice
     if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
-        whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))
+        whole["text"] = a_day(whole["text"], rate, unit, whole.get("alike_by") or {})
         whole |= {"do": drift_do(str(alarm["cause"]), str(alarm["parameter"]))} if alarm["parameter"] != ALIKE else {}
     told = value(step, unit, float(alarm["std"]), signed=len(m.now) == 1)
     whole |= _twice(alarm) if twice else {}

@@ -21,7 +21,7 @@ from ..texts import Said, instead, say, unstopped
 from ..texts.number import number
 from .doubt import is_small, left_over
 from .first import owner_of, parts_first
-from .words import beside, value, what_of
+from .words import beside, pace_of, what_of
 
 SHOWN = 3  # alarms that wait, in full
 OWN = (
@@ -274,7 +274,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     usual = cause["do"]
     cause = by_its_whole(by_verdict(cause, record["verdict"]), record)
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
-    rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
+    rate = pace_of(cause["rate_per_day"], cause["unit"], cause.get("alike_by") or {}) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""

@@ -21,6 +21,7 @@ from ..texts import Said, joined, say
 from .sensor_doubt import DOUBTED, in_doubt, sentence
 
 TEMPERATURE = "temperature"  # cause of an alarm
+ALIKE = {f"night.sensors.{key}": f"night.sensors.{key}_all" for key in ("silent", "gone", "never")}  # of one: of several
 HEARD, PARTLY, SILENT, FROZEN = "heard", "partly", "silent", "frozen"
 MOST = 0.5  # of the touches that have to have a value, for what was heard to stand for the others
 FEW = 0.1  # of the touches that may be without one and nobody need know: the first message of a broker comes when it comes
@@ -169,7 +170,7 @@ def told(sensors: Mapping[str, Mapping[str, Any]], wanted: str | None, night: st
     if not bad:
         return {}
     counting = [n for n in bad if wanted in (None, n) or wanted not in sensors]
-    parts = [_one(name, s) for name, s in bad.items()]
+    parts = _each(bad)
     lost = [n for n in counting if bad[n]["state"] != PARTLY]
     doubt = [n for n in lost if "counts" in bad[n] and not bad[n]["by"]]
     rests, text = "sensors", say("night.sensors.rests_heard")
@@ -201,6 +202,17 @@ def _rests(bad: Mapping[str, Any], lost: Sequence[str], sensors: Mapping[str, An
     if alive:
         return "others", say("night.sensors.rests_these", others=", ".join(alive))
     return "nothing", say("night.sensors.rests_nothing")
+
+
+def _each(bad: Mapping[str, Mapping[str, Any]]) -> list[Said]:
+    """sensors that do not speak → a sentence for each, without its full stop; those of which it is the same have one together."""
+    found: dict[Said, tuple[Said, list[str]]] = {}
+    for name, s in bad.items():
+        own = _one(name, s)
+        found.setdefault(own.but(name="") if own.key in ALIKE else own, (own, []))[1].append(name)
+    return [
+        own if len(names) == 1 else say(ALIKE[own.key], **{**own.values, "name": ", ".join(names)}) for own, names in found.values()
+    ]
 
 
 def _one(name: str, s: Mapping[str, Any]) -> Said:

@@ -132,7 +132,7 @@ def _plain(text: Any) -> Any:
     """sentence of an alarm → the same without its rate a day, and without that it goes with the temperature."""
     if not isinstance(text, Said):
         return text
-    if text.key in ("changed.drift", "changed.reaches", "changed.reaches_one"):
+    if text.key in ("changed.drift", "changed.drift_first", "changed.reaches", "changed.reaches_one"):
         return _plain(text.values["moved"])
     return _plain(text.values["text"]) if text.key == "night.sensors.goes_with" else text
 

@@ -36,7 +36,7 @@ from .course import (
 )
 from .creep import creeping
 from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
-from .words import one_day, value, what_of
+from .words import one_day, pace_of, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 SLOPE = 21  # nights that a rate comes from
@@ -119,7 +119,11 @@ def looking_ahead(
     ):
         return alarm
     unit = k.followed.units[places_of(place)[0]]
-    words = {"rate": value(size / days, unit), "what": what_of(first[1]), "nights": f"{first[0]:.0f}"}
+    words = {
+        "rate": pace_of(size / days, unit, alarm.get("alike_by") or {}),
+        "what": what_of(first[1]),
+        "nights": f"{first[0]:.0f}",
+    }
     text = say(f"night.words.ahead{one_day(first[0])}", **words)
     told = {"what": first[1], "days": first[0], "rate_per_day": size / days, "text": text}
     return alarm | {"ahead": told}

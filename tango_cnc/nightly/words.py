@@ -57,6 +57,22 @@ def value(size: float, unit: str, std: float | None = None, *, signed: bool = Tr
     return number(size * factor, name, None if std is None else std * factor, signed=signed)
 
 
+def pace_of(rate: float, unit: str, share: Mapping[str, float]) -> Number:
+    """change a day of a parameter (mm, rad …), its unit, {location that no touch tells from it: how much of it does the same} → the
+    same for people; without a sign where another one would go as fast the other way.
+    """
+    ways = {by for by in share.values() if by != 1}
+    return value(abs(rate), unit, signed=False) if ways == {-1} else value(rate, unit)
+
+
+def a_day(moved: str, rate: float, unit: str, share: Mapping[str, float]) -> str:
+    """sentence on what has moved, change a day, its unit, {location that no touch tells from it: how much of it does the same} →
+    that it goes on, and how fast; where the others go at another pace, whose that is.
+    """
+    first = any(abs(by) != 1 for by in share.values())
+    return texts()("changed.drift_first" if first else "changed.drift", moved=moved, rate=pace_of(rate, unit, share))
+
+
 def one_day(days: float) -> str:
     """days to come → ending of the key of the sentence: _one for one day or less, '' for more."""
     return "_one" if round(days) <= 1 else ""

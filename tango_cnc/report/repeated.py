@@ -273,6 +273,6 @@ def _cause(text: Any) -> list[tuple[str, str]]:
 def _short(text: str) -> str:
     assert isinstance(text, Said)
     if text.key == BEYOND:
-        return text.but(cause="")
+        return text.but(cause=say("row.same_cause")) if text.values.get("cause") else text
     own = {name: text.values[name] for name in ("night", "now", "part", "gap")}
     return say(f"night.words.still_{'open' if text.key == OVER else 'changed'}_since", **own)

@@ -6,8 +6,9 @@
     prediction   how far the next run, on another day, will be from the mean; what no repetition shows acts alike in both
 
 Days are drawn at random, and so are runs within a day. Where they fall on one day alone, what changes from day to day is not
-seen. Source: variance components of a balanced nested design (ISO 5725-3; JCGM 100:2008, H.5), Satterthwaite's degrees of freedom
-(G.4); intervals of sums of mean squares after Graybill and Wang (1980).
+seen. No number is smaller than runs alone make it: the variance between days cannot be below 0. Source: variance components of a
+balanced nested design (ISO 5725-3; JCGM 100:2008, H.5), Satterthwaite's degrees of freedom (G.4); intervals of sums of mean
+squares after Graybill and Wang (1980).
 """
 
 from __future__ import annotations
@@ -77,14 +78,26 @@ def repetitions(values: Array, fixed: Array, probability: float = 0.95) -> Repet
         of_mean = np.array([1.0 / k, 0.0][: len(parts)])
         one = np.array([1.0, 1.0 - 1.0 / j][: len(parts)])
     constant = np.asarray(fixed) ** 2
-    return Repetitions(
-        mean,
-        _spread(of_mean, parts, constant, probability),
-        _spread(one, parts, constant, probability),
-        _spread(one + of_mean, parts, 0 * constant, probability),
-        k,
-        j,
-    )
+
+    def of(weights: Array, known: Array, alone: float) -> Spread:
+        spread = _spread(weights, parts, known, probability)
+        if k == 1 or j == 1:
+            return spread
+        return _at_least(spread, _spread(np.array([alone]), parts[1:], known, probability))
+
+    share = 1.0 / (k * j)
+    one_run, later = of(one, constant, 1.0), of(one + of_mean, 0 * constant, 1.0 + share)
+    return Repetitions(mean, of(of_mean, constant, share), one_run, later, k, j)
+
+
+def _at_least(spread: Spread, runs: Spread) -> Spread:
+    """spread by days and runs, what runs alone would leave if days differed by nothing → the wider one of each parameter.
+
+    Two days that happen to agree say of a parameter that it varies by nothing, beside runs that show how much it does.
+    """
+    less = spread.half < runs.half
+    pairs = ((spread.std, runs.std), (spread.dof, runs.dof), (spread.half, runs.half))
+    return Spread(*(np.where(less, two, one) for one, two in pairs))
 
 
 def _spread(weights: Array, parts: list[tuple[Array, float]], constant: Array, probability: float) -> Spread:
