@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -141,3 +142,23 @@ def test_touches_without_weight_of_one_indexation_are_a_reason(root: Path) -> No
     found = first(judgement, "indexation")
     assert found.key == "C" and "264 to 299" in found.text
     assert any("of one indexation" in text for text in judgement.reasons)
+
+
+@pytest.mark.long
+def test_a_zero_that_changes_in_many_days_is_named_within_memory_that_grows_with_the_touches(root: Path) -> None:
+    """The weights of 24 days of trunnion, touch by touch, would be 240 MB, and several times that on the way to a verdict."""
+    cell, one = measured(root, "trunnion", 4)
+    days = 24
+    count = len(one.touch)
+    rows = np.tile(np.arange(count), days)
+    many = replace(one.rows(rows), day=np.repeat(np.arange(1, days + 1), count))
+    position = np.array(many.position) + np.random.default_rng(5).normal(scale=0.0007, size=many.position.shape) * [1, 1, 1, 0, 0, 0]
+    first = 15 * count + 40
+    position[first:, cell.machine.column("X")] += 0.4
+    tracemalloc.start()
+    judgement = judged(cell, replace(many, position=position))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert judgement.suspicions[0].kind == "zero_since", judgement.suspicions[:2]
+    assert "from touch 41 on: X by -0.400 mm more" in judgement.suspicions[0].text
+    assert peak < 600e6, peak

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from ... import kinematics
 from ...records import Array, Machine, Readings
@@ -22,6 +23,7 @@ from ._case import Case, with_positions
 
 FEWEST = 3  # touches of a part, and outside it
 LATER = 12.0  # χ² by which a part with an end has to explain more than all from one touch on
+EVERY = 2000  # touches that a part may begin or end with in the first look
 CHOICES = 41  # sizes of a gross change that are looked at
 GROSS = 1.0  # mm or, times 100 mm, rad: what is beyond it is seen without any fit
 HELPS = 12.0  # sum of a part from which on a gross change is one
@@ -81,58 +83,93 @@ class Left:
     touches: Touches
 
     @cached_property
-    def _known(self) -> tuple[Array, Array]:
-        """→ (n, n) weight matrix in which the unknowns are projected out, (n,) that times the gaps."""
+    def _known(self) -> tuple[Array, Array, float]:
+        """→ (n, p) basis and mm of a touch, so that the weight matrix without the unknowns is (1 − basis basisᵀ) / mm²; (n,) that
+        matrix times the gaps. The matrix itself, (n, n), would be 16 GB for 200 days of 226 touches.
+        """
         gaps, columns, scale = linear(Start(self.touches))
         scaled = columns / scale
         inner = scaled.T @ scaled
         inner[np.diag_indices_from(inner)] += 1.0
-        weight = (np.eye(len(gaps)) - scaled @ np.linalg.solve(inner, scaled.T)) / scale**2
-        return weight, weight @ gaps
+        basis = linalg.solve_triangular(np.linalg.cholesky(inner), scaled.T, lower=True).T
+        return basis, (gaps - basis @ (basis.T @ gaps)) / scale**2, scale
+
+    def square(self, levers: Array) -> Array:
+        """(n, a) gap a unit → (a, a) what they weigh without the unknowns."""
+        basis, _, scale = self._known
+        shared = basis.T @ levers
+        return np.asarray((levers.T @ levers - shared.T @ shared) / scale**2)
+
+    def pull(self, levers: Array) -> Array:
+        """(n, a) gap a unit → (a,) how the gaps pull at them."""
+        return np.asarray(levers.T @ self._known[1])
 
     def parts(self, lever: Array) -> tuple[Part, float] | None:
-        """(n,) gap a unit → the part in which a constant of it explains most, and the constant; None where nothing is explained."""
+        """(n,) gap a unit → the part in which a constant of it explains most, and the constant; None where nothing is explained.
+
+        Of more than `EVERY` touches the parts that begin and end with some of them come first, then all near the best.
+        """
         n = len(lever)
-        weight, right = self._known
+        basis, right, scale = self._known
         if n < 2 * FEWEST + 1:
             return None
         sums = np.r_[0.0, np.cumsum(lever * right)]
-        square = np.zeros((n + 1, n + 1))
-        square[1:, 1:] = np.cumsum(np.cumsum(weight * np.outer(lever, lever), axis=0), axis=1)
-        own = np.diag(square)
-        size = own[None, :] + own[:, None] - 2.0 * square
-        found = sums[None, :] - sums[:, None]
-        count = np.arange(n + 1)
-        long = count[None, :] - count[:, None]
-        allowed = (long >= FEWEST) & (long <= n - FEWEST) & (count >= FEWEST)[:, None] & (size > TINY)
-        gain = np.where(allowed, found**2 / np.where(allowed, size, 1.0), 0.0)
-        on = int(np.argmax(gain[:, n]))
-        first, end = divmod(int(np.argmax(gain)), n + 1)
-        if gain[first, end] < gain[on, n] + LATER:
-            first, end = on, n
-        if gain[first, end] < SEEN:
+        own = np.r_[0.0, np.cumsum(lever**2)]
+        shared = np.vstack([np.zeros(basis.shape[1]), np.cumsum(basis * lever[:, None], axis=0)])
+
+        def gains(first: NDArray[np.int64], end: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+            """(k,), (m,) → (k, m) χ² that goes with a constant from the one to before the other, what pulls at it, its weight."""
+            apart = np.sum(shared[first] ** 2, axis=1)[:, None] + np.sum(shared[end] ** 2, axis=1) - 2 * shared[first] @ shared[end].T
+            size = (own[end] - own[first][:, None] - apart) / scale**2
+            found = sums[end] - sums[first][:, None]
+            long = end - first[:, None]
+            allowed = (long >= FEWEST) & (long <= n - FEWEST) & (first >= FEWEST)[:, None] & (size > TINY)
+            return np.where(allowed, found**2 / np.where(allowed, size, 1.0), 0.0), found, size
+
+        def best(firsts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[int, int, float]:
+            gain = gains(firsts, ends)[0]
+            at, until = divmod(int(np.argmax(gain)), len(ends))
+            return int(firsts[at]), int(ends[until]), float(gain[at, until])
+
+        def near(place: int) -> NDArray[np.int64]:
+            return np.arange(max(place - step, 0), min(place + step, n) + 1)
+
+        every, last = np.arange(n + 1), np.array([n])
+        step = -(-n // EVERY)
+        some = np.append(every[:n:step], n)
+        on, _, later = best(every, last)
+        first, end, gain = best(some, some)
+        if step > 1:
+            first, end, gain = best(near(first), near(end))
+        if gain < later + LATER:
+            first, end, gain = on, n, later
+        if gain < SEEN:
             return None
         # Of touches that do not feel it, nobody knows whether they are in the part: it begins and ends with one that does.
-        same = gain[first, end] * (1 - UNFELT)
-        unfelt = int(np.argmin(np.append(gain[first - 1 :: -1, end] >= same, False))) if first else 0
-        more = int(np.argmin(np.append(gain[first:end, end] >= same, False))) - 1
+        same = gain * (1 - UNFELT)
+        begun = gains(every[: end + 1], np.array([end]))[0][:, 0]
+        unfelt = int(np.argmin(np.append(begun[first - 1 :: -1] >= same, False))) if first else 0
+        more = int(np.argmin(np.append(begun[first:end] >= same, False))) - 1
         first, unfelt = first + more, unfelt + more
         if end < n:
-            end -= int(np.argmin(np.append(gain[first, end:first:-1] >= same, False))) - 1
-        return Part(first, end, float(gain[first, end]), unfelt), float(found[first, end] / size[first, end])
+            ended = gains(np.array([first]), every)[0][0]
+            end -= int(np.argmin(np.append(ended[end:first:-1] >= same, False))) - 1
+        gain_at, found, size = (float(a[0, 0]) for a in gains(np.array([first]), np.array([end])))
+        return Part(first, end, gain_at, unfelt), found / size
 
     def since(self, levers: Array) -> tuple[Part, Array] | None:
         """(n, a) gap a unit of several axes → from which touch on they are elsewhere, and by how much (a,)."""
         n, a = levers.shape
-        weight, right = self._known
+        basis, right, scale = self._known
         if n < 2 * FEWEST + 1:
             return None
-        after = np.cumsum((levers * right[:, None])[::-1], axis=0)[::-1]
+        after = _from_the_end(levers * right[:, None])
+        shared = [_from_the_end(basis * levers[:, i, None]) for i in range(a)]
         square = np.empty((n, a, a))
         for i in range(a):
             for j in range(a):
-                both = weight * np.outer(levers[:, i], levers[:, j])
-                square[:, i, j] = np.diag(np.cumsum(np.cumsum(both[::-1, ::-1], axis=0), axis=1))[::-1]
+                own = _from_the_end(levers[:, i] * levers[:, j])
+                square[:, i, j] = (own - np.einsum("np,np->n", shared[i], shared[j])) / scale**2
         square = square + (TINY + 1e-9 * np.trace(square, axis1=1, axis2=2))[:, None, None] * np.eye(a)
         size = np.linalg.solve(square, after[:, :, None])[:, :, 0]
         gain = np.einsum("ni,ni->n", size, after)
@@ -142,9 +179,8 @@ class Left:
 
     def size(self, lever: Array) -> tuple[float, float]:
         """(n,) gap a unit → the constant that explains most, and its χ²."""
-        weight, right = self._known
-        own = max(float(lever @ weight @ lever), TINY)
-        found = float(lever @ right)
+        own = max(float(self.square(lever[:, None])[0, 0]), TINY)
+        found = float(self.pull(lever[:, None])[0])
         return found / own, found**2 / own
 
     def without(self, lever: Array) -> Array:
@@ -155,6 +191,11 @@ class Left:
         inner = scaled.T @ scaled
         inner[np.diag_indices_from(inner)] += 1.0
         return np.asarray(own - scaled @ np.linalg.solve(inner, scaled.T @ own))
+
+
+def _from_the_end(terms: Array) -> Array:
+    """(n, …) → (n, …) the sum of each and all after it."""
+    return np.asarray(np.cumsum(terms[::-1], axis=0)[::-1])
 
 
 def away(case: Case, position: Array) -> Array:
@@ -203,11 +244,10 @@ def zero_changed(case: Case, names: tuple[str, ...]) -> Changed | None:
 def _within(left: Left, levers: Array, part: Part) -> Array:
     """→ (a,) what is left in a part that is known."""
     mask = part.rows(len(levers))
-    weight, right = left._known
     own = levers * mask[:, None]
-    square = own.T @ weight @ own
+    square = left.square(own)
     square[np.diag_indices_from(square)] += TINY + 1e-9 * np.trace(square)
-    return np.asarray(np.linalg.solve(square, own.T @ right))
+    return np.asarray(np.linalg.solve(square, left.pull(own)))
 
 
 def _gross(case: Case, columns: list[int]) -> tuple[Part, Array] | None:
