@@ -75,14 +75,43 @@ def test_an_option_that_does_nothing_alone_is_refused_alone(
     assert found is None or re.findall(r"--[a-z-]+|PROGRAM", found[1] or found[2])[0] in said
 
 
+ALONE = [
+    pytest.param(words, option, other, id=f"{' '.join(words)} {max(option.opts, key=len)} {max(other.opts, key=len)}")
+    for words, command in leaves()
+    for option in command.params
+    if hasattr(option, "acting")
+    for other in command.params
+    if isinstance(other, click.Option) and other is not option and not {*other.opts} & {*option.acting}
+]
+
+
+@pytest.mark.parametrize(("words", "option", "other"), ALONE)
+def test_an_option_that_does_nothing_beside_a_stronger_one_is_refused(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    option: click.Option,
+    other: click.Option,
+) -> None:
+    """'tango run --watch --port' followed the cell's own run, 'tango locate --readings --yes' moved nothing, without a word."""
+    write_example(tmp_path / "cell", "trunnion")
+    monkeypatch.chdir(tmp_path / "cell")
+    stated = [*words, *(word for each in (option, other) for word in (max(each.opts, key=len), *value(each)))]
+    assert guarded(tango.main, stated, prog_name="tango", standalone_mode=False) == 2
+    said = capsys.readouterr().err
+    names = [max(each.opts, key=len) for each in (option, other)]
+    assert said.startswith("tango: --") and "found" in said and all(name in said for name in names), said
+
+
 def test_what_an_option_acts_beside_is_there() -> None:
     """One that is spelt otherwise would never be found: the option would be refused always."""
     for words, command in leaves():
         context = click.Context(command)
         there = {name for p in command.params for name in (*p.opts, p.make_metavar(context).strip("[]"))}
         for option in command.params:
-            assert there >= {*getattr(option, "beside", ())}, (words, option.name)
-    assert len(EVERY) > 30
+            assert there >= {*getattr(option, "beside", ()), *getattr(option, "acting", ())}, (words, option.name)
+    assert len(EVERY) > 30 and len(ALONE) > 40
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,8 @@ def called(cell: Path, answers: str, monkeypatch: pytest.MonkeyPatch, *more: str
         control.settimeout(0.3)
         turning = "?orient=m19" if "grbl" in (cell / "tango.yaml").read_text(encoding="utf-8") else ""
         port = f"socket://127.0.0.1:{control.getsockname()[1]}{turning}"
-        code = guarded(tango.main, ["commission", "-C", str(cell), "--port", port, *more], prog_name="tango", standalone_mode=False)
+        given = ["commission", "-C", str(cell), *([] if "--program" in more else ["--port", port]), *more]
+        code = guarded(tango.main, given, prog_name="tango", standalone_mode=False)
         try:
             control.accept()[0].close()
         except TimeoutError:

@@ -47,7 +47,7 @@ def test_a_command_that_is_handed_out_can_be_pasted_from_a_folder_with_a_blank(
     cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """ "'tango locate --within 8'", it said: of the folder where the person was, and without what had been stated."""
-    assert call("locate", "-C", cell, "--program", "--within", 10, "--agrees", 0.3, "--yes") == 0
+    assert call("locate", "-C", cell, "--program", "--within", 10, "--agrees", 0.3) == 0
     with_port, nearer = commands(capsys.readouterr().out)
     stated = ["tango", "locate", "-C", str(cell)]
     assert with_port == [*stated, "--within", "10", "--agrees", "0.3", "--port", "file:///FOLDER/TANGO.TXT?from=last", "--yes"]

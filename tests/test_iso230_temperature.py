@@ -149,6 +149,7 @@ def test_what_is_not_stated_is_as_warm_as_the_air_and_less_surely(tmp_path: Path
     assert scale(by_air, at_reference=True).value == 0
     assert scale(by_air, at_reference=True).std * 1e6 == pytest.approx(27.4, abs=0.2)
     assert "air 24 ± 0.2 °C (bar and machine taken to be as warm)" in by_air.text
+    assert "bar 25 ± 1.8 °C, " in _stated(tmp_path, "air: [25, 1]\n").text  # and no 1.80278
     stated = _stated(tmp_path, "air: [24, 0.2]\nbar: [21, 0.1]\nmachine: [23, 0.3]\n")
     assert stated.by_air == () and scale(stated, True) == scale(_stated(tmp_path, "bar: [21, 0.1]\nmachine: [23, 0.3]\n"), True)
 

@@ -337,8 +337,10 @@ def test_an_option_that_would_do_nothing_is_refused(words: tuple[str, ...], cell
     assert not (cell / "commissioning").exists() and not (cell / "locate").exists()
 
 
-def test_a_program_is_written_without_a_terminal_whoever_holds_the_stylus(cell: Path) -> None:
-    assert call("commission", "-C", cell, "--held", "--program") == 0
+def test_a_program_is_written_without_a_terminal_and_none_for_a_held_stylus(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("commission", "-C", cell, "--program") == 0
+    assert call("commission", "-C", cell, "--held", "--program") == 2
+    assert "--held: found beside --program, where it does nothing" in capsys.readouterr().err
 
 
 @pytest.mark.few(0)

@@ -14,6 +14,7 @@ from support.spoilt import simulated
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
+from tango_cnc.nightly.doubt import NightDoubt
 from tango_cnc.nightly.last_known import as_known_last
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.warmth import as_sure_as, as_warm_as, with_warmth
@@ -130,3 +131,23 @@ def test_a_night_that_measured_nothing_says_that_a_warm_night_has_gone_again(roo
     (alarm,) = [a for a in waiting if a["cause"] == "temperature"]
     assert is_gone(alarm["now"]) and "last believed" in alarm["now"] and not silent
     assert alarm["gone_by"] == records[-1]["night"] and alarm["do"] == say("night.sensors.warm_gone_do")
+
+
+@pytest.mark.few(0)
+def test_a_night_in_doubt_does_not_bring_back_a_warm_night_that_has_gone(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its touches are not believed; its sensor is, and says that the machine is as warm as before."""
+    cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
+    story, records = Story((Event(3, warmer=7.0), Event(4, warmer=-6.6)), simulated.THIRTY.warm, 0.1), list[dict[str, Any]]()
+    doubt = NightDoubt("doubtful", ("something is missing",), believed=False)
+    with opened(tmp_path / "history.db") as history:
+        for record, _ in nights(cell, truth, history, 5, 2, story, Nightly(diagnose=False, check_minutes=2)):
+            records.append(record)
+            if len(records) == 4:
+                monkeypatch.setattr("tango_cnc.nightly.analysis.believed", lambda *_: doubt)
+    last = records[-1]
+    (alarm,) = [a for a in last["standing"] if a["cause"] == "temperature"]
+    assert last["verdict"] == "doubtful" and is_gone(alarm["now"]) and "the machine is at" in alarm["now"]
+    assert alarm["gone_by"] == records[3]["night"]

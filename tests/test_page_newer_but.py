@@ -111,4 +111,4 @@ def test_readings_that_say_as_much_as_the_night_and_show_no_larger_error_change_
     for path in PATHS[:4]:
         text = plain_of(seen(place, path))
         assert "readings of the report" not in text and "101 µm, 120 µm" not in text, path
-        assert "say Yes, but, with 101 µm at the tool tip. They take nothing back: the answer stays" in text, path
+        assert "say Yes, but, with 101 µm at the tool tip. They take nothing back, so the answer stays" in text, path

@@ -131,7 +131,7 @@ def test_pages_look_for_what_has_moved_since_the_night_and_not_for_what_the_larg
 def test_a_no_of_the_night_and_what_nobody_knows_stay(may: str) -> None:
     known = Answer(may, "…", "out_of_limits", "50 µm", "")  # type: ignore[arg-type]
     told = by_newer(known, TOLD, Units(), texts())
-    assert replace(told, why="", beside="") == known and "They take nothing back: the answer stays …" in told.why
+    assert replace(told, why="", beside="") == known and "They take nothing back, so the answer stays …" in told.why
 
 
 @pytest.mark.few(0)

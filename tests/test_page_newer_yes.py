@@ -18,7 +18,7 @@ from tango_cnc.report.orders import by_night
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 
-SAYS = "say Yes, with 50 µm at the tool tip. They take nothing back: the answer stays No until a night has measured the machine."
+SAYS = "say Yes, with 50 µm at the tool tip. They take nothing back, so the answer stays No until a night has measured the machine."
 ASKED = "Have a night measure the machine, or wait for the next one."
 TOLD = NewerAnswer("2026-11-19T07:00:00Z", 50.0, 140.0, may="yes")
 
@@ -84,8 +84,18 @@ def test_the_report_of_such_readings_says_it_too_and_writes_it_for_the_pages(tmp
         history.add_night(record)
     (place / "nightly.yaml").write_text("nightly: 1\nlimits: {volume: 500}\nstale_days: 100000\n", encoding="utf-8")
     text, status = said("report", "-C", str(place), "--no-diagnosis", "--no-pictures")
-    assert "They take nothing back: the answer stays No until a night has measured the machine." in text
+    assert "They take nothing back, so the answer stays No until a night has measured the machine." in text
     assert "These readings were made after it:" not in text and "Run the full measurement" not in text and status == 1
     kept = json.loads((place / "report.json").read_text(encoding="utf-8"))
     assert kept["yes_after"] == record["end_utc"] or kept["after"] == record["end_utc"]
     assert "They take nothing back" in plain_of(seen(place, "/machine/trunnion"))
+
+
+def test_what_is_bold_in_the_box_is_the_order_and_not_what_newer_readings_say(tmp_path: Path) -> None:
+    """Five lines in bold, down to "They take nothing back:"."""
+    place = beyond(tmp_path / "one")
+    for path, mark in ((PATHS[0], '<span class="first">'), (PATHS[1], "<b>"), ("/alarms", "<p><b>")):
+        page = seen(place, path)
+        end = page.index("They take nothing back, so")
+        bold = page.rindex(mark, 0, page.index("Readings that were made after that night"))
+        assert "</" in page[bold : page.index("Readings that were made after", bold)] and end > bold, path

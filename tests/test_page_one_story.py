@@ -92,6 +92,19 @@ def test_a_change_and_its_way_back_are_answered_by_one_command(tmp_path: Path, h
     assert text.count("tango history decide") == 1 and f"decide {first['id']} " in text
 
 
+def test_the_last_decision_counts_whatever_the_clock_of_who_made_the_one_before(tmp_path: Path) -> None:
+    """Acknowledged where the clock was a week ahead, then accepted: `decide` said closed, the page "has acknowledged"."""
+    alarm = knock(night(M, 8)["night"])
+    place = cell(tmp_path / "one", records=[night(M, 7), night(M, 8, "changed", alarms=[alarm])])
+    ahead = f"{datetime.now(UTC) + timedelta(days=7):%Y-%m-%dT%H:%M:%SZ}"
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(alarm["id"], "acknowledge", "Zoë", utc=ahead))
+        history.decide(M, Decision(alarm["id"], "accept", "Ann"))
+        assert [d.action for d in history.decisions(M)] == ["acknowledge", "accept"] and not history.open_alarms(M)
+    text = plain_of(seen(place, f"/machine/{M}"))
+    assert "Zoë" not in text and "Open alarms" not in text
+
+
 def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Path) -> None:
     """ "No alarm is open." stood there, and nothing of a machine that was No: repaired by word alone."""
     alarm = knock(night(M, 8)["night"])

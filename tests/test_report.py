@@ -574,7 +574,7 @@ def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page
     assert past["series"][0]["unit"] == "µm" and sum(past["series"][0]["alarm"]) == 1
     assert trend(tmp_path, "HU40T-like", ["EX0C"], texts()) is None
     rows = [("rms", 50.0, 4.0, 4.4), ("p95", 90.0, 8.0, None)]
-    done = {"target": "siemens", "date": "2026-11-01", "state": "kept: 4.4 µm are left", "rows": rows}
+    done = {"target": "siemens", "date": "2026-11-01", "event": "kept", "rows": rows}
     values = page.context(replace(facts, trend=past, compensations=(done,)))
     assert len(values["trend"]) == 1 and "<svg" in values["trend"][0]["picture"]
     assert "Jumped by +20 µm on Thu 5 Nov 2026" in values["trend"][0]["said"]

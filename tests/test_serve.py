@@ -179,6 +179,24 @@ def test_a_machine_that_only_a_run_has_measured_is_not_called_unmeasured(tmp_pat
         assert "in the folder that holds the folder one of this machine:" in text or path == "/"
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize("reported", [False, True])
+def test_a_run_after_the_newest_night_without_a_report_is_named_beside_its_answer(tmp_path: Path, reported: bool) -> None:
+    """Nobody wrote a report of the run of 06:00: no page said that the machine had been measured since the night."""
+    folder = cell(tmp_path / "one", records=[night("HU40T-like", 8)])
+    run = Recorded(folder, 1)
+    run.begin()
+    run.touch()
+    run.end()
+    if reported:
+        (folder / "report.html").write_text("<html></html>", encoding="utf-8")
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("", "/trend", "/nights"):
+            text = " ".join(site.get(f"/machine/HU40T-like{path}").text.split())
+            assert ("A run has measured this machine since that night (Mon 23 Nov 2026" in text) == (not reported), path
+            assert ("tango report -C one" in text) == (not reported), path
+
+
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     text = site.get("/machine/HU40T-like").text
     assert (

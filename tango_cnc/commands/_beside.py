@@ -1,4 +1,5 @@
-"""An option that does something beside another one only: stated without it, it is refused before anything is done."""
+"""Options that would be ignored are refused before anything is done: one that acts beside another one only, stated without it; one
+beside a stronger one, with which the command does something else."""
 
 from __future__ import annotations
 
@@ -30,6 +31,29 @@ class Beside(click.Option):
                 f"{spelt(self)}: found without {' or '.join(self.beside)}, so it does nothing; allowed: only beside it"
             )
         return super().handle_parse_result(ctx, opts, args)
+
+
+class Alone(click.Option):
+    """An option with which the command does something else, and which others act with it: as these are spelt."""
+
+    def __init__(self, *names: Any, acting: Sequence[str] = (), **how: Any) -> None:
+        super().__init__(*names, **how)
+        self.acting = tuple(acting)
+
+    def handle_parse_result(self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]) -> tuple[Any, list[str]]:
+        """context, what was stated, the rest → as click has it. Raises InputError for another option that would do nothing."""
+        for other in ctx.command.params if _stated(self, ctx, opts) else ():
+            names = {*other.opts, *other.secondary_opts, other.make_metavar(ctx).strip("[].")}
+            if other is not self and not names & {*self.acting} and _stated(other, ctx, opts):
+                found = spelt(other) if isinstance(other, click.Option) else other.make_metavar(ctx)
+                acting = ", ".join(self.acting) or "nothing"
+                raise InputError(f"{found}: found beside {spelt(self)}, where it does nothing; allowed there: {acting}")
+        return super().handle_parse_result(ctx, opts, args)
+
+
+def alone(*names: str) -> Callable[..., Decorator]:
+    """spelt names of options, or arguments → what makes the decorator of an option beside which only these act."""
+    return partial(click.option, cls=Alone, acting=names)
 
 
 def beside(*names: str) -> Callable[..., Decorator]:

@@ -13,7 +13,7 @@ import click
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
-from ._beside import beside
+from ._beside import alone, beside
 from ._commission_record import record_of
 from ._commission_second import Ready, at_quarter, file_of, held_aside, unasked
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
@@ -36,7 +36,9 @@ PLACE = "Measure 30"  # in the list of commands
 @click.command()
 @cell_option
 @click.option("--port", metavar="URL", help="Default: controller.port of the cell.")
-@click.option("--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent.")
+@alone("-C", "--within", "--touch", "--again")(
+    "--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent."
+)
 @click.option(
     "--held/--no-held",
     default=None,

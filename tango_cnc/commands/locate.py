@@ -16,6 +16,7 @@ from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.origin import set_aside
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, NothingSentError
+from ._beside import alone
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._handed import Kept, hands, whole
 from ._live import Live
@@ -38,8 +39,10 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 @click.command()
 @cell_option
 @click.option("--port", metavar="URL", help="Default: controller.port of the cell.")
-@click.option("--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent.")
-@click.option(
+@alone("-C", "--within", "--agrees", "--length")(
+    "--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent."
+)
+@alone("-C", "--within", "--agrees", "--length", "--out", "--json")(
     "--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings of the locating program: nothing is run."
 )
 @click.option(
@@ -92,8 +95,6 @@ def command(
     from ..plan import by_stylus, plan_hash
     from .check import positioning_feed
 
-    if only_program and file is not None:
-        raise InputError("--program: found --readings too; allowed: one of them, as nothing is made of readings by a program")
     agrees = stated or AGREES
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     if length is not None:

@@ -18,7 +18,7 @@ from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, LinkError, TangoError
 from ..report.texts import Texts
 from ..texts import say
-from ._beside import stated
+from ._beside import alone, stated
 from ._common import address_of, cell_option, controller_of, dialect, json_option, write_json
 from ._shop import looked_at, of_shop
 
@@ -37,8 +37,10 @@ AT = "02:00"  # when a timer begins a night, where nothing else is asked for
 @click.option(
     "--dry-run", is_flag=True, help="Say what this night would measure and whether it could begin; nothing moves or is kept."
 )
-@click.option("--status", "status", is_flag=True, help="Say how the last nights went, what waits to be sent, and what comes next.")
-@click.option("--tell", "tell", is_flag=True, help="Send the messages that wait in nights/outbox, and end.")
+@alone("-C", "--history", "--json")(
+    "--status", "status", is_flag=True, help="Say how the last nights went, what waits to be sent, and what comes next."
+)
+@alone("-C")("--tell", "tell", is_flag=True, help="Send the messages that wait in nights/outbox, and end.")
 @click.option(
     "--install", "kind", type=click.Choice(["systemd", "cron", "windows"]), help="Write the timer for this system, and end."
 )
@@ -72,8 +74,8 @@ def command(
     from ._night_world import RealClock, RealControl, RealDisk, locked
     from ._unreadable import OfAnother, settings_of
 
-    if sum([dry_run, status, tell, kind is not None]) > 1:
-        raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
+    if dry_run and kind is not None:
+        raise InputError("--dry-run: found beside --install; allowed: one of them")
     if at is not None and kind is None:
         raise InputError(f"--at: found {at!r} without --install; a night would begin at once. Write the timer: --install and --at")
     _meant(folder, port)

@@ -85,7 +85,7 @@ def command(
     """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
     from .. import plan as planner
 
-    _checked(dry_run, json_file, picture, indexation)
+    _checked(dry_run, json_file, out, picture, indexation)
     whole = read_cell(folder)
     refuse_inward(whole)
     cell = of_stylus(whole, stylus)
@@ -135,12 +135,14 @@ class _Wanted:
     json_file: str | None
 
 
-def _checked(dry_run: bool, json_file: str | None, picture: Path | None, indexation: int | None) -> None:
-    """--dry-run, --json, --picture, --indexation → nothing. Raises InputError for those that do not go together."""
+def _checked(dry_run: bool, json_file: str | None, out: Path | None, picture: Path | None, indexation: int | None) -> None:
+    """--dry-run, --json, --out, --picture, --indexation → nothing. Raises InputError for those that do not go together."""
     from ..report import pictures
 
     if dry_run and json_file is not None:
         raise InputError("--dry-run and --json: a dry run writes no program, so there is nothing for --json; leave one of them out")
+    if dry_run and out is not None:
+        raise InputError("--out: found with --dry-run, which writes no program; leave one of them out")
     if indexation is not None and picture is None:
         raise InputError("--indexation: it says what --picture draws; give --picture FILE too")
     if picture is not None:

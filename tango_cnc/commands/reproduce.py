@@ -12,6 +12,7 @@ from ..files import read_cell, read_strategy, write_text
 from ..records import InputError
 from ..report import pictures
 from ..reproduce import Setting, Table, table, tables, unexplained
+from ._beside import alone
 from ._common import Output, json_option, write_json
 from ._common import table as aligned
 from .init import examples
@@ -21,7 +22,7 @@ PLACE = "Understand 70"  # in the list of commands
 
 @click.command()
 @click.argument("numbers", nargs=-1, metavar="[TABLE]...")
-@click.option("--list", "listing", is_flag=True, help="List the tables that are reproduced.")
+@alone()("--list", "listing", is_flag=True, help="List the tables that are reproduced.")
 @click.option(
     "--pictures", "folder", type=click.Path(path_type=Path), metavar="DIR", help="Figures 4-7 to 4-10 there (needs matplotlib)."
 )

@@ -18,6 +18,7 @@ from ..files.checked import broken_off
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
+from ._beside import alone
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
 from ._handed import Kept, hands, printed, whole
 from ._live import LateFile, Live
@@ -65,7 +66,9 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     help="End when this is reached: locations, volume=5 (µm rms where parts are made) or limits such as EX0C=1,EA0C=5 "
     "(µm, µrad, µm/m). Touches are appended where the strategy alone does not reach it.",
 )
-@click.option("--watch", "watching", is_flag=True, help="Follow a run that another program makes; nothing is sent.")
+@alone("-C", "--readings", "--stylus", "--json")(
+    "--watch", "watching", is_flag=True, help="Follow a run that another program makes; nothing is sent."
+)
 @click.option("--simulated", is_flag=True, help="The control is a simulated one: readings, pages and reports then say so.")
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option(

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ..records import InputError
-from ._beside import beside
+from ._beside import alone, beside
 from ._common import cells_in, folders_option
 
 FILES = 65_536
@@ -28,8 +28,8 @@ PLACE = "Keep 60"  # in the list of commands
 @click.option(
     "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in. Without it, the pages are read-only."
 )
-@click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
-@click.option("--remove-user", metavar="NAME", help="Take a user out of --users, whose sign-ins end, and end.")
+@alone("-C", "--users", "--role")("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
+@alone("-C", "--users")("--remove-user", metavar="NAME", help="Take a user out of --users, whose sign-ins end, and end.")
 @beside("--add-user")(
     "--role", type=click.Choice(["view", "operate", "write-back"]), default="view", show_default=True, help="With --add-user."
 )

@@ -100,9 +100,7 @@ LOOSE = {  # by table: rows that belong to no entry of their kind
 NOBODYS = select(t.entry.c.machine_id).distinct().where(t.entry.c.machine_id.not_in(select(t.machine.c.id)))
 _p = t.night_parameter.c
 PARAMETERS = select(_p.name, _p.value, _p.std, _p.unit, _p.start_utc, _p.machine_id).where(_p.entry_id == bindparam("entry"))
-DECISIONS = (
-    select(t.decision).where(t.decision.c.machine_id == bindparam("machine")).order_by(t.decision.c.utc, t.decision.c.entry_id)
-)
+DECISIONS = select(t.decision).where(t.decision.c.machine_id == bindparam("machine")).order_by(t.decision.c.entry_id)
 MACHINES = select(t.machine.c.name).order_by(t.machine.c.name)
 ID = select(t.machine.c.id).where(t.machine.c.name == bindparam("name"))
 MACHINE = select(t.machine.c.id).where(t.machine.c.name == bindparam("name")).with_for_update()

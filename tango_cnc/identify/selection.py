@@ -61,19 +61,18 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
     for reference in ("EXX1", "EYY1", "EZZ1"):
-        if reference in {*left} & asked and (relative := _relative_to(left[reference], names)):
+        if reference in {*left} & asked and (relative := _relative_to(left[reference], names, reference in noisy)):
             return Selection(model, unseen, relative, reference)
     return Selection(model, unseen)
 
 
-def _relative_to(scale: Combination, fitted: set[str]) -> frozenset[str]:
-    """combination that moves the touches as a gain does (of EXX1 alone where it is too faint), fitted coefficients → gains of which
-    the touches show only the difference to it.
+def _relative_to(scale: Combination, fitted: set[str], faint: bool) -> frozenset[str]:
+    """combination that moves the touches as a gain does, fitted coefficients, whether that gain was left out as too faint beside
+    them → gains of which the touches show only the difference to it.
     """
     gains = {*SCALES} & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))
-    alone = not known and scale.names == ("EXX1",)
-    return frozenset(name for name in gains if alone or abs(known.get(name, 0.0) - 1) < 0.01)
+    return frozenset(name for name in gains if faint or abs(known.get(name, 0.0) - 1) < 0.01)
 
 
 Visible = tuple[list[Coefficient], dict[str, Combination], Array, Array]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..records import Combination
+from ..terms import SCALES
 from ..texts import joined, say
 
 SHARED = {"moves": "each move", "cannot be separated": "cannot be separated"}  # verb of one name: that of several
@@ -14,8 +15,10 @@ def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) ->
     """name left out, its unit, what moves the touches as it does by name: (factor, unit) → combination, in words for people."""
     table = [p for p in partners if p.startswith(("EZf", "EXball", "EYball", "EZball"))]
     said = [p for p in partners if p not in table]
-    if name == "EXX1" and {"EYY1", "EZZ1"} <= set(said):
-        text = say("unseen_said.absolute_scale_cannot_be_seen")
+    gains = [p for p in said if name in SCALES and p in SCALES and abs(partners[p][0] + 1) < 0.01]
+    if gains:
+        differences = _list([f"{gain}-{name}" for gain in sorted(gains)])
+        text = say("unseen_said.absolute_scale_cannot_be_seen", axis=name[1], gains=_list(sorted(gains)), differences=differences)
     elif not partners:
         text = say("unseen_said.moves_no_touch_this_plan", name=name)
     elif not said:

@@ -60,12 +60,12 @@ class Thermal:
         pairs = [("bar", self.bar, self.bar_expansion), ("machine", self.machine, self.machine_expansion)]
         if self.table is not None and self.table_expansion is not None:
             pairs.append(("table", self.table, self.table_expansion))
-        told = [f"{n} {t.value:g} ± {t.std:g} °C, {1e6 * e.value:g} ± {1e6 * e.std:g} µm/m/K" for n, t, e in pairs]
+        told = [f"{n} {t.value:g} ± {t.std:.2g} °C, {1e6 * e.value:g} ± {1e6 * e.std:g} µm/m/K" for n, t, e in pairs]
         if self.air is not None:
             who = f" ({' and '.join(self.by_air)} taken to be as warm)" if self.by_air else ""
-            told.append(f"air {self.air.value:g} ± {self.air.std:g} °C{who}")
+            told.append(f"air {self.air.value:g} ± {self.air.std:.2g} °C{who}")
         if self.cmm is not None:
-            told.append(f"CMM {self.cmm.value:g} ± {self.cmm.std:g} °C")
+            told.append(f"CMM {self.cmm.value:g} ± {self.cmm.std:.2g} °C")
         return "; ".join(told) + " (standard uncertainties)"
 
 

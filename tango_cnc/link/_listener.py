@@ -6,6 +6,12 @@ from ._punched import CODES
 from .client import Asked, Client, Ended, Event, Failed, Refused, Task, Touched
 from .words import SUM
 
+# What to do where records have come and no more do: whoever starts it again there presses start with the ball at the table.
+STANDS = (
+    "read its screen. Where its program has stopped, do not start it again: reset the control, and move the probe away along the "
+    "tool by hand"
+)
+
 
 class Listener(Client):
     """How far the program is, by the records that have come. A client of its own says what a whole line means (`_complete`)."""

@@ -6,7 +6,7 @@ import ipaddress
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from urllib.parse import parse_qsl, unquote, urlsplit
+from urllib.parse import parse_qsl, quote, unquote, urlsplit
 
 from ..files.checked import printable
 from ..nearest import suggestion
@@ -32,6 +32,8 @@ OWN = (".yaml", ".yml", ".csv", ".json", ".jsonl", ".journal", ".lock", ".db", "
 LAST_PORT = 65535
 DEVICE = re.compile(r"[/\\.][^?]*|[^:/?]+")  # a path, or the name of a port
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
+FILE = re.compile(r"file:(?!//).*|(?:[A-Za-z]:[\\/]|\\\\[^.\\]).*|(?:[^:?]*[/\\])?[^:?/\\]+\.(?!\d)[A-Za-z0-9]{1,4}", re.IGNORECASE)
+WHOLE = re.compile(r"/|[A-Za-z]:|\\\\")  # how a path begins that is the same one wherever somebody stands
 LONGEST = 2000  # characters of a URL
 
 
@@ -104,6 +106,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {way.example}")
     if way.needs == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. {typed}:///mnt/control/TANGO.TXT, on Windows {typed}://Z:/TANGO.TXT")
+    if way.needs == "file" and not WHOLE.match(target):  # else it is another file for a timer, or from another folder
+        raise InputError(f"port {url!r}: found {target!r}; allowed: the whole path of the file, e.g. {_as_file(target)}")
     if way.needs == "file" and target.lower().endswith(OWN):
         raise InputError(
             f"port {url!r}: found {target!r}, a name of tango's own files, into which no control may write; allowed: another name, "
@@ -170,9 +174,21 @@ def written_into(url: str) -> str | None:
     return "" if ways()[scheme].stored else None
 
 
+def _as_file(path: str) -> str:
+    """path of a file as it was typed → the URL that means it; one that begins nowhere is put into a folder of the control."""
+    plain = path.removeprefix("file:").replace("\\", "/")
+    whole = plain if WHOLE.match(plain) else f"/mnt/control/{plain}"
+    return f"file://{quote(whole, safe='/:')}"
+
+
 def _parts(url: str) -> tuple[str, str, str]:
     """URL or device → (scheme without the protocol, target, settings). Raises InputError for an unknown scheme."""
     if "://" not in url:
+        if FILE.fullmatch(url) and not url.startswith("/dev/"):
+            raise InputError(
+                f"port {shown(url)!r}: found the path of a file; allowed: a serial port such as /dev/ttyUSB0 or COM3, or the whole "
+                f"path of the file of the records with file:// in front, e.g. {_as_file(url)}"
+            )
         if url and not DEVICE.fullmatch(url):
             meant = f". Perhaps you mean socket://{url}" if HOST.fullmatch(url) else ""
             raise InputError(

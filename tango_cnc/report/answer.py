@@ -66,6 +66,11 @@ class Answer:
         """→ the sign that goes with it."""
         return "none" if self.may == "wait" else LEVELS[self.may]
 
+    @property
+    def order(self) -> str:
+        """→ `why` without what newer readings say beside it."""
+        return self.why.removesuffix(self.beside).strip()
+
     def by_newer(self, *may: May) -> bool:
         """answers → whether readings after the newest night have given this one, and it is one of them."""
         return self.newer and self.may in may

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...records import InputError
-from .._listener import Listener
+from .._listener import STANDS, Listener
 from ..client import Begun, Event, Refused, Task
 from ..heard import noise
 from ..words import record
@@ -205,7 +205,7 @@ class Client(Listener):
         at, total = self.sent
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
         if self.brought:
-            where = "start the program there; it has to print to this port"
+            where = STANDS if self._begun else "start the program there; it has to print to this port"
         elif at == 0:
             where = "it never asked for the program (DC1)"
         if strange := len(self._strange):

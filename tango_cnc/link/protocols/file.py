@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .._listener import Listener
+from .._listener import STANDS, Listener
 from ..client import Begun, Ended, Event, Identified, Refused, Task
 from ..words import record
 
@@ -81,9 +81,10 @@ class Client(Listener):
             return self._noticed()
         if why := self._ended:
             return self._fail(f"{why}: no record was written within {allowed:.0f} s")
-        what = "record" if self._begun else "start mark"
+        if self._begun:
+            return self._fail(f"no record was written within {allowed:.0f} s. Go to the control and {STANDS}")
         return self._fail(
-            f"no {what} was written within {allowed:.0f} s: start the program at the control; it has to write into this file"
+            f"no start mark was written within {allowed:.0f} s: start the program at the control; it has to write into this file"
         )
 
     def closed(self) -> list[Event]:

@@ -134,7 +134,8 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
     every = [(n.night, told(n, allowed)) for n in known]
-    return context(
+    since = {"ran_since": "" if busy else ran_since(state, machine, record)}
+    return since | context(
         record,
         decisions,
         state.units,
@@ -230,6 +231,23 @@ def ran_of(state: PagesState, machine: Served) -> str:
         run = state.journals.run(file, touched_by(file, cell))
         if run is not None and run.state == "complete":
             return title(run, state.texts)
+    return ""
+
+
+def ran_since(state: PagesState, machine: Served, record: Mapping[str, Any]) -> str:
+    """what pages share, machine, record of its newest night → when its newest complete run outside the nights began, where that was
+    later and no report was written since, as a text; else ''. A run of no machine says nothing of a machine.
+    """
+    ended_utc = str(record.get("end_utc") or "")
+    if machine.folder is None or not ended_utc:
+        return ""
+    cell, report = state.places.cell(machine.folder), file_of_cell(machine)
+    for file in journals(machine.folder)[:LOOKED]:
+        run = state.journals.run(file, touched_by(file, cell)) if file.parent == machine.folder else None
+        if run is not None and run.state == "complete":
+            written = report is not None and report.stat().st_mtime >= run.touched
+            made_up = run.simulated and not record.get("simulated")
+            return "" if written or made_up or run.started[:19] <= ended_utc[:19] else title(run, state.texts)
     return ""
 
 
