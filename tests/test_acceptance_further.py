@@ -201,7 +201,10 @@ def made_over(cell: Path, figures: dict[str, Any]) -> None:
     touched = list(csv.DictReader((cell / "simulated.csv").read_text(encoding="utf-8").splitlines()))
     travel = yaml.safe_load((cell / "machine.yaml").read_text(encoding="utf-8"))["axes"]
     of = {"straightness EXZ": "Z", "squareness EC(0X)Y": "XY", "squareness Z to X": "XZ", "volumetric V": "XYZ"}
-    for name, axes in (of | {"positioning ECC": "C", "radial A rotating": "A", "part width": "", "parameter EY0C": ""}).items():
+    for name, axes in (
+        of
+        | {"positioning ECC": "C", "reversal EYY B − EXX B": "XY", "radial A rotating": "A", "part width": "", "parameter EY0C": ""}
+    ).items():
         over = figures[name]["over"]
         assert "".join(one["axis"] for one in over) == axes
         for one in over:
@@ -212,13 +215,22 @@ def made_over(cell: Path, figures: dict[str, Any]) -> None:
             assert one["travel"] == pytest.approx(travel[one["axis"]]["travel"])
             assert 1 < one["positions"] <= len(set(places))
     assert figures["straightness EXZ"]["note"] == "about the least-squares line"
-    assert [n for n, f in figures.items() if f["two_sided"]] == ["parameter EY0C", "squareness EC(0X)Y", "squareness Z to X"]
+    assert [n for n, f in figures.items() if f["two_sided"]] == [
+        "parameter EY0C",
+        "squareness EC(0X)Y",
+        "squareness Z to X",
+        "reversal EYY B − EXX B",
+    ]
 
 
 @pytest.mark.long
 def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = "straightness EXZ: 9, squareness EC(0X)Y: 40, squareness Z to X: 40, positioning ECC: 9, radial A rotating: 9"
-    accepted(cell, f"limits: {{parameter EY0C: 20, part width: 20, part away x: 20, {own}, volumetric V: 60}}\n{PART}")
+    more = f"{own}, reversal EYY B - EXX B: 9, volumetric V: 60"
+    accepted(
+        cell,
+        f"limits: {{parameter EY0C: 20, part width: 20, part away x: 20, {more}}}\n{PART}",
+    )
     data = json.loads(capsys.readouterr().out)
     by_name = {f["name"]: f for f in data["figures"]}
     made_over(cell, by_name)

@@ -93,7 +93,7 @@ TESTS = Path(__file__).parent
 WHOLE = """
     acceptance_further best_judge compensate_description compensate_program compensate_short compensate_verdicts
     compensate_walk demo design_broken_off design_full_run diagnose_blind dialects exclude_outliers
-    grblhal_commission history_import hostile_texts iso230_exact iso230_reversal iso230_volumetric link_9600
+    grblhal_commission history_import hostile_texts iso230_exact iso230_reversal link_9600
     link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt
     night_in_control night_within nightly_refusing_disk plan_long plausible_copied plausible_either

@@ -7,6 +7,7 @@ import math
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -152,3 +153,17 @@ def test_a_file_that_is_none_is_refused_by_name(text: str, tmp_path: Path) -> No
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"ballbar\.csv"):
         read_measured(file, ("radial",), True)
+
+
+@pytest.mark.parametrize(("example", "test"), [("hu40t", "rotary-C"), ("trunnion", "rotary-A"), ("fork_head", "rotary-A")])
+def test_a_ball_bar_is_told_along_which_way_of_the_table_it_reads_ahead(example: str, test: str) -> None:
+    """The way that the tool goes on the table for a positive command, by a second program: against the turn of a turned table."""
+    truth, machine = Truth(EXAMPLES / example, 1, size=0.0), read_cell(EXAMPLES / example).machine
+    over = {a: (-200.0, 200.0) for a in machine.linear} | {a: (-1.5, 1.5) for a in machine.rotary}
+    path = path_of(machine, over, Wanted(test, "ballbar", at={a: 0.0 for a in machine.rotary}))
+    place = {a: path.position[int(np.argmin(np.abs(path.command))), i] for i, a in enumerate(machine.names)}
+    pose = {a: np.array([v, v + 1e-4 * (a == test[-1])]) for a, v in place.items()}
+    tip = truth.tool_in_table(pose, {a: np.zeros(2) for a in pose}, errors=False)[:, :3, 3]
+    ahead = (tip[1] - tip[0]) / np.linalg.norm(tip[1] - tip[0])
+    printed = [float(v) for v in path.text.partition("tangential is positive along [")[2].partition("]")[0].split(",")]
+    assert printed == pytest.approx(ahead.tolist(), abs=0.006)

@@ -21,6 +21,8 @@ LENGTHS = ("scale bar", "tip")  # whose certificate states a length
 SMALLEST, LARGEST = 0.1, 5000.0  # µm, µrad, µm/m
 UNITS = {"m": 1e3, "mm": 1.0, "µm": 1e-3, "um": 1e-3}
 WIDEST = 0.1  # mm, of the uncertainty of a certificate
+RELATIVE = " − "  # between two figures: the difference of them
+HYPHEN = re.compile(" [-–] ")  # as people type it
 LETTERS = re.compile(r"\w", re.UNICODE)
 QUANTITY = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*(\S+)")
 DEGREES = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*(?:°\s*)?C?")
@@ -79,7 +81,7 @@ class Order:
 def read_order(file: Path, today: date) -> Order:
     """acceptance.yaml, day of issue → order. Raises InputError for unknown keys, dates to come, values that no workshop has."""
     fields = load(file).fields(["limits"], [*PEOPLE, "performed", "conditions", "certificates", "tool_length", "remarks", "part"])
-    limits = {name: _limit(child) for name, child in fields["limits"].items()}
+    limits = {HYPHEN.sub(RELATIVE, name): _limit(child) for name, child in fields["limits"].items()}
     if not limits:
         raise fields["limits"].wrong("at least one figure with its limit, such as 'straightness EYX: 10'", "none")
     people = {name: _said(fields[name]) for name in PEOPLE if name in fields}

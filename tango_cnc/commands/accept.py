@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from .. import __version__
-from ..acceptance import Order, Source, made, page, read_order
+from ..acceptance import RELATIVE, Order, Source, made, page, read_order
 from ..acceptance.beside import by_figures
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
@@ -67,7 +67,9 @@ def command(
     items = cell.terms if terms is None else read_terms(terms, folder)
     result, judgement = judged(cell, readings, items, source=source, run=origin.origin)
     budget = budget_of(folder, result)
-    sheet, by_terms = signed(result, wanted.tool_length, thermal_of(folder), budget=budget), judgement
+    differences = any(RELATIVE in name for name in wanted.limits)
+    sheet = signed(result, wanted.tool_length, thermal_of(folder), budget=budget, differences=differences)
+    by_terms = judgement
     judgement = by_figures(judgement, rows_alone(cell, readings, source, origin.origin), sheet)
     found = made(
         wanted,

@@ -284,5 +284,10 @@ def _rotary(
         f"{axis} turns, both ways, and the linear axes keep the tip at [{x:.4g}, {y:.4g}, {z:.4g}] of the table frame, "
         f"{size.mean():.4g} mm from {axis}"
     )
+    if not joint:
+        near = int(np.argmin(np.abs(command)))
+        ahead, up = (", ".join(f"{a + 0.0:.2f}" for a in np.round(way[near], 2)) for way in ways[1:])
+        where = f"at {np.degrees(command[near]) + 0.0:.3g}°"
+        text += f"; {where} tangential is positive along [{ahead}] of the table frame, axial along [{up}]"
     outside = _outside(tool, over, position)
     return Path(name, text, tool, at, command, sense, position, direction, channels, ways, joint, outside, radius)

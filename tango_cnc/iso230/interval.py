@@ -16,7 +16,7 @@ from ..records import Array
 DRAWS = 1000
 STEEPEST = 9.0  # power by which draws count, of a volume: three scales, three squarenesses, and the turns of three axes
 STEEPEST_TURNED = 5.0  # the same of a rotary axis
-PART = 0.25  # of what the learned directions add to a range that counts as noise of what was read
+PART = 0.4, 0.75  # of what the learned directions add that counts as noise of what was read: to a range, to the longest vector
 HALF = 0.5
 ABOVE = 0.2  # of that power, for the ends above a volume: of simple motions noise is less of a range, and nobody knows the order
 NEAR = 0.25  # of a deviation: so near to what was read, scatter moves a range evenly, and bends it by a little
@@ -48,16 +48,18 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     decide, alike → largest minus smallest, or the longest, of them.
 
     Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
-    range^(1 − k): then noise takes a range to neither side. k is found from how much noise enlarges the range that was read: all of
-    the free directions, and a part of those whose size was learned, as three axes say little of each other's size. A vector has the
-    noise of three components. How much of that is noise depends on the order of the motions: where all are polynomials to degree 3,
-    the whole power takes ranges below what is true. So the ends above have a part of it.
+    range^(1 − k): then noise takes a range to neither side. k is found from how much noise enlarges the range that was read: all
+    of the free directions, and a part of those whose size was learned, as three axes say little of each other's size. A vector has
+    the noise of three components. Where a range is many times its uncertainty, k is large and few draws would count: beyond the
+    largest power the ends are moved instead, by as much as the rest of the power moves a normal distribution. One or two bad
+    guides are such a machine. How much of that is noise depends on the order of the motions: where all are polynomials to degree
+    3, the whole power takes ranges below what is true. So the ends above have a part of it, and are not moved.
     Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
     sizes, mean = _sizes(curves), curves.mean(axis=-1, keepdims=True)
-    part = PART * (1 if curves.ndim == 2 else curves.shape[1])
+    part = PART[0 if curves.ndim == 2 else 1]
     grown = (1 - part) * _grown(mean, free) + part * _grown(mean, curves - mean)
-    return _counted(curves, sizes, grown, float(np.var(sizes)), STEEPEST, coverage, ABOVE)
+    return _counted(curves, sizes, grown, float(np.var(sizes)), STEEPEST, coverage, ABOVE, True)
 
 
 def of_turned(curves: Array, coverage: float = 0.95) -> Spread:
@@ -77,17 +79,26 @@ def _grown(mean: Array, noise: Array) -> float:
 
 
 def _counted(
-    curves: Array, sizes: Array, grown: float, scatter: float, steepest: float, coverage: float, above: float = 1.0
+    curves: Array,
+    sizes: Array,
+    grown: float,
+    scatter: float,
+    steepest: float,
+    coverage: float,
+    above: float = 1.0,
+    moves: bool = False,
 ) -> Spread:
-    """curves, sizes (d,), growth by noise, variance of the size, power at most, part of it for the ends above → the spread of
-    draws that count by a power.
+    """curves, sizes (d,), growth by noise, variance of the size, power at most, part of it for the ends above, whether what is
+    beyond that power moves the ends → the spread of draws that count by a power.
     """
     tail, mean = (1 - coverage) / 2, curves.mean(axis=-1, keepdims=True)
     read = float(_sizes(mean)[0])
     if scatter <= 0.0:
         return Spread(*[read] * 5)
-    by = min(max(2 * read * grown / scatter, 0.0), steepest)
-    low, least, best = _quantiles(sizes, by, [tail, 2 * tail, 0.5])
+    whole = max(2 * read * grown / scatter, 0.0)
+    by = min(whole, steepest)
+    less = (whole - by) * scatter / read if moves and whole > by else 0.0
+    low, least, best = (max(q - less, 0.0) for q in _quantiles(sizes, by, [tail, 2 * tail, 0.5]))
     most, high = _quantiles(sizes, above * by, [1 - 2 * tail, 1 - tail])
     return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
 

@@ -29,6 +29,8 @@ from .unseen import positions
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
+NOTES = {"positioning gain": "relative: as if all axes were as warm as each other", "reversal": "relative"}
+DIFFER = tuple(NOTES)  # kinds of figures whose differences may be wanted
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,10 @@ def signed(
     thermal: Thermal | None = None,
     at_reference: bool = True,
     budget: Budget | None = None,
+    differences: bool = False,
 ) -> Sheet:
-    """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found, budget → figures.
+    """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found, budget, whether with the
+    differences of figures that are known alone, too → figures.
 
     Without temperatures scales are as read, in lengths of the bar as warm as it was; `ASSUMED` takes them to 20 °C. Raises
     TangoError where there are too few touches.
@@ -108,7 +112,7 @@ def signed(
         told(a, own, wide, learned, felt.get((a.kind, a.name)), warm, doubt) for (a, own), doubt in zip(pairs, doubts, strict=True)
     ]
     state = state_of(thermal, at_reference)
-    figures = (*found, *_relative(pairs, found, wide, learned, warm))
+    figures = (*found, *_relative(pairs, found, wide, learned, warm, differences))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     beside = machine.unseen.said(wide.touches)
     tried, by = machine.tried, machine.left_out
@@ -249,26 +253,33 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     return found
 
 
-def _relative(asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, learned: Whole, warm: Known) -> list[OnPart]:
-    """→ differences and sums of two figures of one kind where touches or temperature decide neither alone."""
+def _relative(
+    asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, learned: Whole, warm: Known, known: bool
+) -> list[OnPart]:
+    """→ differences and sums of two figures of one kind where touches or temperature decide neither alone; differences of gains
+    and reversals where they do, and those that stay open with the reason, too, if they are wanted (`known`).
+    """
     left = [
         (*pair, f.value)
         for pair, f in zip(asks, found, strict=True)
-        if not pair[0].is_range and (f.value is None or _too_warm(f, warm))
+        if not pair[0].is_range and (f.value is None or _too_warm(f, warm) or (known and f.kind in DIFFER))
     ]
     given = []
     for i, (two, own_two, second) in enumerate(left):
         for one, own_one, first in left[:i]:
-            if one.kind != two.kind or one.own == two.own or (first is None) != (second is None):
+            neither, wanted = first is None and second is None, known and two.kind in DIFFER
+            if one.kind != two.kind or one.own == two.own or ((first is None) != (second is None) and not wanted):
                 continue
-            signs = ((-1.0, "−"), (1.0, "+")) if first is None else ((-1.0, "−"),)
-            note = "relative: neither is known alone" if first is None else "relative: as if all axes were as warm as each other"
+            signs = ((-1.0, "−"), (1.0, "+")) if neither else ((-1.0, "−"),)
+            note = "relative: neither is known alone" if neither else NOTES[two.kind]
             for sign, word in signs:
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
                 if worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
                     own = replace(ask, curve=own_two.curve + sign * own_one.curve)
                     s = _spread(ask, own, wide, learned)
                     given.append(OnPart(ask.kind, ask.name, ask.unit, s.best, (s.low, s.high), None, note))
+                elif wanted and (doubt := undecided(ask, wide)) is not None:
+                    given.append(OnPart(ask.kind, ask.name, ask.unit, None, None, None, note, *doubt))
     return given
 
 
