@@ -105,6 +105,13 @@ def test_the_last_decision_counts_whatever_the_clock_of_who_made_the_one_before(
     assert "Zoë" not in text and "Open alarms" not in text
 
 
+def test_a_machine_that_no_night_has_measured_has_no_age(tmp_path: Path) -> None:
+    """ "measured 2 days ago", of a night that failed in its checks, beside "This machine was never measured."."""
+    failed = night(M, 8, "not_measured", status="failed", kind="none", why="no answer", volume=None, limits=[], parameters={})
+    text = plain_of(seen(cell(tmp_path / "one", records=[failed]), "/"))
+    assert "This machine was never measured." in text and "measured 2" not in text and "ago" not in text
+
+
 def test_alarms_names_a_machine_whose_repair_no_night_has_measured(tmp_path: Path) -> None:
     """ "No alarm is open." stood there, and nothing of a machine that was No: repaired by word alone."""
     alarm = knock(night(M, 8)["night"])

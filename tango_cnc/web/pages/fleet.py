@@ -295,6 +295,8 @@ def _age(row: Row, t: Texts, no: NewerAnswer | None = None) -> str:
     that measured has ended; '' where none has.
     """
     known = row.before or row.record or {}
+    if no is None and known.get("verdict") == "not_measured":  # none has
+        return ""
     try:
         moment = datetime.fromisoformat(str(known.get("end_utc") if no is None else no.measured))
     except ValueError:
