@@ -60,8 +60,8 @@ def left_over(diagnosis: Mapping[str, Any]) -> bool:
 def is_small(diagnosis: Mapping[str, Any]) -> bool:
     """diagnosis → whether all that it leaves over follows something by less than a single touch scatters, or than `SMALL`.
 
-    It asks about two thousand shapes, and one night in fifty has one of them by chance: by about a third of that scatter in a full
-    night. As large as the scatter itself it is no chance.
+    It asks about two thousand shapes, and a sound night may have one of them by chance: 0.4 µm was seen where touches scatter by
+    0.7. As large as the scatter itself it is no chance.
     """
     left = [u for u in diagnosis.get("unexplained", ()) if u.get("shape") not in ("undecided", "near")]
     sizes = [float(u.get("amplitude_um") or 0.0) for u in left]
