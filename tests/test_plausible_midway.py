@@ -152,7 +152,14 @@ def test_a_zero_that_changes_in_many_days_is_named_within_memory_that_grows_with
     count = len(one.touch)
     rows = np.tile(np.arange(count), days)
     many = replace(one.rows(rows), day=np.repeat(np.arange(1, days + 1), count))
-    position = np.array(many.position) + np.random.default_rng(5).normal(scale=0.0007, size=many.position.shape) * [1, 1, 1, 0, 0, 0]
+    position = np.array(many.position) + np.random.default_rng(5).normal(scale=0.0007, size=many.position.shape) * [
+        1,
+        1,
+        1,
+        0,
+        0,
+        0,
+    ]
     first = 15 * count + 40
     position[first:, cell.machine.column("X")] += 0.4
     tracemalloc.start()

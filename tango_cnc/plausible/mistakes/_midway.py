@@ -119,7 +119,9 @@ class Left:
 
         def gains(first: NDArray[np.int64], end: NDArray[np.int64]) -> tuple[Array, Array, Array]:
             """(k,), (m,) → (k, m) χ² that goes with a constant from the one to before the other, what pulls at it, its weight."""
-            apart = np.sum(shared[first] ** 2, axis=1)[:, None] + np.sum(shared[end] ** 2, axis=1) - 2 * shared[first] @ shared[end].T
+            apart = (
+                np.sum(shared[first] ** 2, axis=1)[:, None] + np.sum(shared[end] ** 2, axis=1) - 2 * shared[first] @ shared[end].T
+            )
             size = (own[end] - own[first][:, None] - apart) / scale**2
             found = sums[end] - sums[first][:, None]
             long = end - first[:, None]
