@@ -26,7 +26,7 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of `reference`
+    relative: frozenset[str] = frozenset()  # gains that are known only as differences to that of `reference`
     reference: str = "EXX1"
 
     @property
@@ -68,7 +68,7 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
 
 def _relative_to(scale: Combination, fitted: set[str], faint: bool) -> frozenset[str]:
     """combination that moves the touches as a gain does, fitted coefficients, whether that gain was left out as too faint beside
-    them → gains of which the touches show only the difference to it.
+    them → gains that are known only as differences to it.
     """
     gains = {*SCALES} & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))

@@ -86,8 +86,8 @@ def as_warm_as(
 
 def as_sure_as(alarms: Sequence[dict[str, Any]], now: float | None, recent: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """alarms of other nights, °C by a sensor that is believed tonight (None: there is none), records newest first → the same; where
-    the machine is as warm as in the night before an alarm and what moved is still there, temperature is not what else it may be,
-    and no sensor is to be seen to first.
+    the machine is as warm as in the night before an alarm and what moved is still there, the alarm names no temperature beside
+    its cause, and asks nobody to see to a sensor first.
     """
     then = {str(r["night"]): c for r in recent if (c := celsius_of(r)) is not None}
 
