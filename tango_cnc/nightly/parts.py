@@ -10,7 +10,6 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..history import Knowledge
-from ..identify import Selection
 from ..model import Model, known, linearise
 from ..records import Array, Indexation, Readings, Strategy
 from ..state import Frame, Named, Seen, State, Tonight, reopened
@@ -74,7 +73,7 @@ def estimated(followed: Frame, readings: Readings, after: State, tonight: Tonigh
     gaps, jacobian = linearise(model, values)
     offsets, rows, uncertainty = known(model, values)
     sigma = float(np.sqrt(tonight.noise[0] / tonight.noise[1])) if tonight.noise[1] > 0 else sigma_of(after)
-    selection = Selection(model, followed.selection.unseen, followed.selection.relative, followed.selection.reference)
+    selection = replace(followed.selection, model=model)
     return Estimate(
         selection,
         values,
