@@ -133,10 +133,10 @@ def alike_said(result: Estimate, terms: Sequence[TermItem], degree: int) -> str:
 def _as_long(touches: Touches, first: float, difference: float) -> Touches:
     """touches with several styli, length of the first, mm → the same where all others are that much longer than it."""
     machine = touches.machine
-    used = () if touches.stylus is None else np.unique(touches.stylus).tolist()
+    used: list[int] = [] if touches.stylus is None else np.unique(touches.stylus).tolist()
+    more = {number: difference if i else 0.0 for i, number in enumerate(used)}
     styli = tuple(
-        replace(probe, length=first + (0.0 if number == used[0] else difference)) if number in used else probe
-        for number, probe in enumerate(machine.styli, 1)
+        replace(probe, length=first + more[number]) if number in more else probe for number, probe in enumerate(machine.styli, 1)
     )
     here = replace(machine, styli=styli, probe=styli[machine.stylus - 1])
     same = of_facets(here, touches.artefact, touches.facet, touches.position, touches.direction, touches.stylus)
