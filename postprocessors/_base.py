@@ -102,6 +102,7 @@ class Post:
     language: str = ""  # that the program is written in: one of tango_cnc/readback/languages; empty: by what it looks like
     summed: bool = True  # whether every record ends with K, the sum of its coordinates; one without it is refused then
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
+    links: tuple[str, ...] = ()  # protocols of tango_cnc.link that this control can have; (): nobody has stated them
     filed: bool = True  # whether the control can write its records into a file; else they only answer over the line
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
