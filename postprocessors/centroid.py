@@ -250,10 +250,10 @@ def _distance(job: Job, goal: Mapping[str, float], base: int) -> str:
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     for option, word in SWITCHED:
-        if BARE.search(job.options[option.name]):
+        if BARE.search(stated := job.options[option.name]):
             raise InputError(
-                f"controller.{option.name}: found {job.options[option.name]!r}; allowed: e.g. {word}: the number of the output stands "
-                "behind a slash, which no comment of a program shows"
+                f"controller.{option.name}: found {stated!r}; allowed: e.g. {word}: the number of the output stands behind a slash, "
+                "which no comment of a program shows"
             )
     if not FILE.fullmatch(job.options["readings"]):
         raise InputError(
