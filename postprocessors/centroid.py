@@ -252,8 +252,8 @@ def _check(job: Job) -> None:
     for option, word in SWITCHED:
         if BARE.search(stated := job.options[option.name]):
             raise InputError(
-                f"controller.{option.name}: found {stated!r}; allowed: e.g. {word}: the number of the output stands behind a slash, "
-                "which no comment of a program shows"
+                f"controller.{option.name}: found {stated!r}; allowed: e.g. {word}: the number of the output stands behind a "
+                "slash, which no comment of a program shows"
             )
     if not FILE.fullmatch(job.options["readings"]):
         raise InputError(
