@@ -40,9 +40,9 @@ def proves(cell: Cell, made: Plan) -> PreflightPoint:
         state = "" if _looks(cell, post) else say("preflight.gate.and_state_probe_state")
         advice = say("preflight.gate.state_gate_facet_under_controller", state=state)
         with suppress(InputError):  # no facet could prove it, or its readings cannot be read
-            if (found := _last(cell, made)) is not None and abs(found.off) <= NEAR:
-                name, folder = found.file.name, found.file.parent.name
-                advice = say("preflight.gate.found_without_gate", state=state, facet=found.facet, name=name, name2=folder)
+            if (last := _last(cell, made)) is not None and abs(last.off) <= NEAR:
+                name, folder = last.file.name, last.file.parent.name
+                advice = say("preflight.gate.found_without_gate", state=state, facet=last.facet, name=name, name2=folder)
         return PreflightPoint("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
         found = say("preflight.gate.nothing_tells_stylus_deflected_before")
