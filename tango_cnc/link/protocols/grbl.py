@@ -89,11 +89,6 @@ class Client(Control):
             raise LacksSettingError(_grbl.TURNS, "orient=m19")
 
     @classmethod
-    def begins(cls, options: Mapping[str, str]) -> bool:
-        """{option: value} → True: every move is asked for from here."""
-        return True
-
-    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing."""
         return _grbl.hello(options)
