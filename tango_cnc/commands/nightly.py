@@ -100,8 +100,7 @@ def command(
         controller_of(cell)
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
-        someone = attended() and not dry_run  # of a night that a timer begins is asked whether it could
-        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated, someone)
+        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated, attended() and not dry_run)
         if dry_run:
             place = looked_at(place)
         with opened(place) as history:
