@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.common_parts import asks_for_a_finger
 from support.controls import GOLDEN, golden
 from support.gates import ran
 from support.nights_parts import RealControl, Story, nights, nights_of
@@ -21,7 +22,6 @@ from postprocessors import load, program
 from sim_controller.simulate import simulate
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, as_found, proves
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
