@@ -26,7 +26,7 @@ HOTTER = 70.0  # K from what is expected, of these
 
 
 @dataclass(frozen=True)
-class Column:
+class SensorColumn:
     """What one column says, °C as it is read."""
 
     sensor: str
@@ -46,7 +46,7 @@ class Column:
         return f"column T_{self.sensor} says {_span(self.low, self.high)} °C, and {by}{as_unit}"
 
 
-def columns(sensors: Mapping[str, Array], thermal: Thermal | None) -> tuple[Column, ...]:
+def columns(sensors: Mapping[str, Array], thermal: Thermal | None) -> tuple[SensorColumn, ...]:
     """{sensor: (n,) °C, NaN where it is not known}, what temperature.yaml states → every column that says something."""
     found = []
     for sensor, values in sensors.items():
@@ -60,11 +60,11 @@ def columns(sensors: Mapping[str, Array], thermal: Thermal | None) -> tuple[Colu
         leaves, strange = (HOTTER, HOTTER) if hot else (LEAVES, STRANGE)
         unit = next((u for u in UNITS if abs(_from(u, at) - expected) < near and abs(at - expected) >= leaves), "")
         believed = not unit and abs(at - expected) < strange and at > COLD
-        found.append(Column(sensor, float(known.min()), float(known.max()), expected, stated is not None, unit, believed))
+        found.append(SensorColumn(sensor, float(known.min()), float(known.max()), expected, stated is not None, unit, believed))
     return tuple(found)
 
 
-def doubted(sensors: Mapping[str, Array], thermal: Thermal | None) -> tuple[Column, ...]:
+def doubted(sensors: Mapping[str, Array], thermal: Thermal | None) -> tuple[SensorColumn, ...]:
     """as `columns` → those that are not believed."""
     return tuple(c for c in columns(sensors, thermal) if not c.believed)
 
