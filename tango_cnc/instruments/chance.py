@@ -19,7 +19,7 @@ from .predict import Predicted
 
 RARE = 0.01  # of true files that are called different
 DRAWS = 10_000
-LIKELIER = 12.0  # by which a distance falls where a slip is named: once in 400 by chance, and mirrored channels mostly far more
+LIKELIER = 12.0, 6.0  # by which a distance falls where a mirrored channel is named, in a file that may be true, and that differs
 FEWER = 4.0  # by which one more mirrored channel has to make it nearer
 NOTHING = 0.2  # µm: an instrument that shows less than that everywhere has another unit
 PER_MM = 1e3
@@ -75,7 +75,7 @@ def slip(told: Predicted, reading: Array, expected: Distance) -> str:
             sign = np.ones((len(names), 1))
             sign[list(some)] = -1.0
             other = difference(sign * reading)
-            if expected.chance(other) >= RARE and as_is - expected.of(other) > LIKELIER:
+            if expected.chance(other) >= RARE and as_is - expected.of(other) > LIKELIER[far]:
                 found.append((expected.of(other) + FEWER * many, many, some))
     if not found:
         return ""
