@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from support.nights import knock, night
 from support.nights_parts import Event, Story, nights
 from support.spoilt import simulated
 
@@ -151,3 +152,13 @@ def test_a_night_in_doubt_does_not_bring_back_a_warm_night_that_has_gone(
     (alarm,) = [a for a in last["standing"] if a["cause"] == "temperature"]
     assert last["verdict"] == "doubtful" and is_gone(alarm["now"]) and "the machine is at" in alarm["now"]
     assert alarm["gone_by"] == records[3]["night"]
+
+
+@pytest.mark.parametrize("cause", ["axis_location", "temperature"])
+def test_what_has_gone_back_by_a_size_that_no_night_says_is_not_left_whole(cause: str) -> None:
+    """It said that 20 µm of 20 µm is left."""
+    alarm = knock("2026-11-02") | {"night": "2026-11-02", "cause": cause, "parameter": cause, "total": None, "decision": None}
+    alarm |= {"now": say("night.alarms.gone_again_left", told="0.1 µm")}
+    (told,) = faults(night("M", 10, "changed", standing=[alarm]), [alarm], {}, Units(), texts())
+    assert told["gone"] and "is left" not in told["text"]
+    assert "It has gone back since." in told["text"] or "about as warm as before." in told["text"]
