@@ -23,7 +23,7 @@ from ..report.newer import newer_answer
 from ..report.repeated import as_found, on_another_day
 from ..report.tonight import is_unsure, sized
 from ..texts import instead, joined, say, unstopped
-from ._answered import answer_now, in_short, unanswered
+from ._answered import answer_now, in_short, run_without_report, unanswered
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
@@ -63,7 +63,7 @@ class _Row:
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
     told: Answer | None = None  # the answer of its page, where the verdict of its newest night is not all of it
-
+    ran: str = ""  # when a run after its newest night began of which no report was written (UTC)
     unsure: bool = False  # whether nobody knows if the last night that measured was within its limits
     unanswered: int | None = None  # causes without an answer, as pages count them, where that may be less than its alarms
 
@@ -204,6 +204,7 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
         with suppress(TangoError):
             page = answer_now(cell.folder, cell.axes, place, newer, texts())
     more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
+    more["ran"] = "" if folder is None else run_without_report(folder, record)
     more["unsure"] = bool(nights) and is_unsure(_before(history, nights) or record)
     if s.alarms_open > 1:  # of two of one cause pages have one
         axes = None if cell is None else cell.axes
@@ -227,6 +228,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "measuring_minutes_left": row.left,
             "newer_no": row.by_newer("no"),
             "newer_but": row.by_newer("but"),
+            "run_without_report": row.ran or None,
             "newer_beside": (row.told.beside if row.told is not None else "") or None,
         }
         for row in found
@@ -237,6 +239,7 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
     """lines, texts → the table that is printed, its heads first."""
     from ..report.age import night_of_stamp
     from ..report.characters import sparkline
+    from ..report.days import at
     from ..report.texts import code
 
     heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
@@ -255,11 +258,12 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         known = () if row.told is None else in_short(row.told) if by_page else (unstopped(row.told.beside),)
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
+        ran = unstopped(t("web.ran_since", date=at(row.ran, t))) if row.ran and row.left is None else ""
         how = {} if row.cell is None else ended(row.cell, row.cut_off)
         keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
         cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
         count = s.alarms_open if row.unanswered is None else row.unanswered
-        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, row.said) if x])])
+        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, ran, row.said) if x])])
     return rows
 
 

@@ -29,6 +29,8 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
     if record.get("stale_nights") or record["status"] == "refused":
         return []
     known = record.get("last_verdict") if verdict == "not_measured" else verdict  # nothing has said otherwise since
+    if verdict == "not_measured" and not (record.get("last_measured") or record.get("unread")):
+        return [f"{t('may.ask')} {t('may.unknown')}. {t('may.brief_never')}"]
     if known in ("out_of_limits", "doubtful"):
         return [t("may.brief_no")]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):

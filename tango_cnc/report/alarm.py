@@ -62,6 +62,7 @@ def alarm(
         "nobody": not owner and not record.get("deputy") and decision is None,
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, *asks),
         "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
+        "asked": asked,
         "decision": decision,
         "symbol": "" if spoken(str(a.get("parameter") or "")) == str(a.get("parameter") or "") else str(a["parameter"]),
         "drifts": False,
@@ -72,6 +73,14 @@ def alarm(
         "typed": [str(a["id"])] if a.get("id") else [],
         "decided": "" if decision is None else decided(decision, t),
     }
+
+
+def asked_since(a: Mapping[str, Any], first: str, today: str, t: Texts, deputy: str) -> dict[str, Any]:
+    """fault that nobody has answered, date on which its owner was asked first about anything of the machine, date, texts, deputy →
+    whom to ask about it, for how many days nobody has answered, since when.
+    """
+    who = _who(a["owner"], None, first, today, t, deputy, "")
+    return {"who": who, "silent": days_between(first, today), "asked": first}
 
 
 def decided(decision: Any, t: Texts) -> str:

@@ -14,7 +14,7 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from ..texts.number import number
-from .alarm import alarm, size_of
+from .alarm import alarm, asked_since, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
@@ -102,7 +102,7 @@ def faults(
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
     causes = together(_told(how, waiting), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
     found = [x | ({"whole": ""} if old else _whole_error(x, known, u, t, machine, events)) for x in causes]
-    found = _after_a_drift(_with_limits(found, how), machine, t)
+    found = _after_a_drift(_with_limits(_asked_first(found, how), how), machine, t)
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
@@ -194,6 +194,18 @@ def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dic
     return a | ({k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {})
 
 
+def _asked_first(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any]]:
+    """faults → those that nobody has answered with the date on which their owner was asked first: who has not answered the alarm of
+    ten days ago is not the first to call about that of this morning.
+    """
+    waits = [a for a in still_open(found) if a["decision"] is None and a["owner"] and a["night"]]
+    first = {a["owner"]: min(x["night"] for x in waits if x["owner"] == a["owner"]) for a in waits}
+    deputy = str(how.record.get("deputy") or "")
+    today = how.today or str(how.record.get("night") or "")
+    asked = {a["id"]: asked_since(a, first[a["owner"]], today, how.t, deputy) for a in waits}
+    return [a | asked.get(a["id"], {}) for a in found]
+
+
 def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any]]:
     """faults → with what stands behind a crossed limit; an alarm that says the same is not told twice."""
     for a in how.record.get("behind") or ():
@@ -202,7 +214,7 @@ def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any
         if same and max(map(size_of, same)) >= 0.8 * size_of(as_loaded(a, how.events)):
             continue
         asked = next((x for x in same if not closed(x)), None)
-        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night")}
+        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night", "asked")}
         found = [*found, how.alarm(a, None) | {"older": False} | whose]
     return found
 

@@ -144,6 +144,8 @@ def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> s
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
     if is_stopped(told, t):
         return t("may.brief_no")
+    if told.may == "unknown" and told.state == "not_measured" and not told.old:  # no night has ever measured it
+        return t("may.brief_never")
     if told.may not in ("no", "but"):
         return ""
     return t(PARTS["" if told.newer and of_probe(found) == "_probe" else of_probe(found)])

@@ -43,7 +43,7 @@ from ..app import PagesState, needs, page, state_of
 from ..places import sign_of, today
 from ..places import told as verdict_of
 from ..served import Row
-from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
+from .machine import between, busy_for, happened_to, ran_of, ran_since, run_of, unmeasured
 from .report import file_of_cell
 
 NAMED = 3  # machines that are late, by their names
@@ -98,10 +98,11 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     ran = ran_of(state, row.machine) if row.record is None else ""
     simulated = run is not None and run.simulated and bool(busy or ran)
     reported = bool(ran) and file_of_cell(row.machine) is not None
+    since = "" if busy or row.record is None else ran_since(state, row.machine, row.record)
     told = unchanged(
         row, state, (busy, ran, simulated, reported, newer_of(row)), lambda: _told(row, busy, ran, simulated, state), "row"
     )
-    return told | {"age": _age(row, state.texts, newer_of(row) if told["newer"] else None)}
+    return told | {"ran_since": since, "age": _age(row, state.texts, newer_of(row) if told["newer"] else None)}
 
 
 def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> dict[str, Any]:
