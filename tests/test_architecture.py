@@ -347,6 +347,44 @@ def test_tests_ask_for_what_is_public(root: Path) -> None:
     assert len(found) > PRIVATE - 10, f"PRIVATE is {len(found)} now"
 
 
+def of_tests(node: ast.AST) -> Iterator[str]:
+    """A part of a file → the names of tests that it imports, by a statement or by `import_module`."""
+    names: list[str] = []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        names = [f"{node.module or ''}.{alias.name}" for alias in node.names]
+    elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "__import__")):
+        names = [str(word.value) for word in node.args if isinstance(word, ast.Constant)]
+    yield from (found[0] for name in names if (found := re.search(r"(?<![^.])test_\w+", name)))
+
+
+def test_no_test_imports_a_test(root: Path) -> None:
+    """A test that is changed changes no other one, and who looks for a helper has one place to look."""
+    found = []
+    for file in sorted([*(root / "tests").rglob("*.py"), *(root / "benchmarks").glob("*.py")]):
+        if "test_" in re.sub(r"\bdef test_", "", file.read_text(encoding="utf-8")):
+            found += [f"{file.relative_to(root)} imports {name}" for node in ast.walk(tree(file)) for name in of_tests(node)]
+    assert not found, "move what both need into a module of tests/support/ that is named for what it holds:\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("statement", "name"),
+    [
+        ("from test_bodies import YOKE", "test_bodies"),
+        ("    import test_bodies as other", "test_bodies"),
+        ("from tests.test_bodies import YOKE", "test_bodies"),
+        ("from . import test_bodies", "test_bodies"),
+        ("from .contracts.test_posts import golden", "test_posts"),
+        ('importlib.import_module("test_bodies")', "test_bodies"),
+        ("from support.runs import latest_test_of", ""),
+        ("from tango_cnc.commands.link_test import told", ""),
+    ],
+)
+def test_an_import_of_a_test_is_seen(statement: str, name: str) -> None:
+    assert [one for node in ast.walk(ast.parse(statement.strip())) for one in of_tests(node)] == ([name] if name else [])
+
+
 def test_what_is_committed_is_ordinary_files(root: Path) -> None:
     """A link points to a place of one machine: a `.venv` that was one stopped every installation from a fresh clone."""
     if not (root / ".git").exists():

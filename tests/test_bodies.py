@@ -17,50 +17,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.bodies import begun, bodies_of, judged, random_bodies, run
+from support.bodies import SETTER, YOKE, begun, bodies_of, judged, met, random_bodies, trunnion
 from support.randomplans import EXAMPLES, example
 
-from sim_controller.motion import MotionStop
-from sim_controller.probing import rig
 from tango_cnc.check import bodies, solid
 from tango_cnc.check.bodies import pairs
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.files.write import machine_text
 from tango_cnc.plan import guard, plan
-from tango_cnc.records import Cell, InputError, Obstacle, Plan, World
-
-YOKE = (
-    Obstacle("box", low=(-330.0, -120.0, -160.0), high=(-245.0, 120.0, 60.0), on="A", title="left cheek"),
-    Obstacle("box", low=(245.0, -120.0, -160.0), high=(330.0, 120.0, 60.0), on="A", title="right cheek"),
-    Obstacle("box", low=(-330.0, -150.0, -200.0), high=(330.0, 150.0, -160.0), on="A", title="bottom of the yoke"),
-)
-SETTER = Obstacle(
-    "cylinder", base=(395.0, 300.0, -300.0), axis=(0.0, 0.0, 1.0), radius=30.0, height=280.0, on="f", title="tool setter"
-)
-
-
-def trunnion(*obstacles: Obstacle, indexations: int = 4) -> Cell:
-    """obstacles → the first indexations of the example, on a machine that has them."""
-    cell = example("trunnion")
-    strategy = replace(cell.strategy, indexations=cell.strategy.indexations[:indexations])
-    return replace(cell, machine=replace(cell.machine, obstacles=obstacles), strategy=strategy)
+from tango_cnc.records import InputError, Obstacle
 
 
 def invoke(arguments: list[str]) -> int | None:
     """arguments of `tango` → exit status."""
     return guarded(tango.main, arguments, standalone_mode=False)
-
-
-def met(made: Plan, cell: Cell, start: np.ndarray | None = None) -> str:
-    """plan, cell whose machine is true → what it ran into, in words; empty for nothing."""
-    try:
-        touched = run(made, rig(cell.machine, cell.artefact, World()), np.array(made.turns[0].after) if start is None else start)
-    except MotionStop as stop:
-        return str(stop)
-    times = 2 if made.strategy.approach.find else 1
-    assert touched == [f"facet {touch.facet}" for touch in made.touches for _ in range(times)]
-    return ""
 
 
 @pytest.mark.long

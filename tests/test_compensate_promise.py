@@ -13,7 +13,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from support.closing import EXAMPLES, SETTINGS
-from support.compensated import example, first, measured, truth, write
+from support.compensated import drawn, example, first, measured, truth, write
 from support.few import every
 
 from sim_controller.compensation import read
@@ -22,19 +22,10 @@ from tango_cnc.compensate.fit import Holding, holding, known
 from tango_cnc.compensate.promise import Figure, likely, mean
 from tango_cnc.compensate.space import sample
 from tango_cnc.estimate import Estimate
-from tango_cnc.records import Cell, InputError, World
+from tango_cnc.records import InputError
 
 MACHINES = int(os.environ.get("TANGO_MACHINES") or "200")
 FIRST = int(os.environ.get("TANGO_SEED") or "0")
-
-
-def drawn(cell: Cell, world: World, seed: int) -> World:
-    """A true machine with errors of the size of this one's; calibrated facets differ from their certificate as it states."""
-    rng = np.random.default_rng([23, seed])
-    errors = {name: value * rng.normal() for name, value in world.errors.items()}
-    certified = {name: facet.uncertainty for name, facet in cell.artefact.facets.items() if facet.uncertainty is not None}
-    facets = {name: world.facets.get(name, 0.0) + std * rng.normal() for name, std in certified.items()}
-    return replace(world, errors=errors, facets={**world.facets, **facets}, seed=seed)
 
 
 @cache

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.closing import SETTINGS
+from support.commands import run
 from support.compensated import ROOT, write
-from test_compensate_short import before, loaded, run
+from support.loaded import before, loaded
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate

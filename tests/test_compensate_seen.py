@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from support.commands import run
 from support.compensated import ROOT
-from test_compensate_short import loaded
+from support.loaded import loaded
 
-from tango_cnc.cli import tango
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate import turned as turn
 from tango_cnc.compensate.loads import files_of
@@ -25,10 +25,6 @@ from tango_cnc.loaded import AS_SEEN, HELPS, KEPT
 from tango_cnc.noise import honest
 from tango_cnc.report.compensated import marked
 from tango_cnc.report.texts import texts
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
 
 
 def sorts(within: str = "", missing: str = "", unsure: str = "", small: str = "") -> Sorted:

@@ -7,34 +7,28 @@ import os
 import re
 import shutil
 from collections import Counter, defaultdict
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner, Result
 from support.closing import SETTINGS
-from support.compensated import ROOT, example, text, truth, write
-from test_compensate_promise import drawn
+from support.commands import run
+from support.compensated import ROOT, disturbed, example, text, truth, write
+from support.loaded import Loaded, before, loaded
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
 from tango_cnc import kinematics
-from tango_cnc.cli import tango
-from tango_cnc.commands.check import positioning_feed
-from tango_cnc.commands.design import gate_of
-from tango_cnc.compensate import Proposal, loop, propose, turned
+from tango_cnc.compensate import loop, propose, turned
 from tango_cnc.compensate.hidden import Present
-from tango_cnc.compensate.loads import files_of
-from tango_cnc.compensate.look import Look, look
 from tango_cnc.compensate.outcome import Outcome, outcome
 from tango_cnc.compensate.seen import asked_for
 from tango_cnc.compensate.shares import Before
-from tango_cnc.compensate.short import Short, by_part, not_all, short_outcome
-from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.compensate.short import Short, by_part, not_all
+from tango_cnc.estimate import estimate
 from tango_cnc.loaded import AS_SEEN, HELPS, KEPT
 from tango_cnc.noise import honest
 from tango_cnc.records import Cell, InputError, World
@@ -44,77 +38,6 @@ SEEDS = int(os.environ.get("TANGO_SEEDS") or "5")
 FIRST = int(os.environ.get("TANGO_SEED") or "0")
 EXAMPLES = ("trunnion", "hu40t", "split", "fork_head", "huron", "three_axis_calibrated")
 TARGETS = tuple((os.environ.get("TANGO_TARGETS") or "siemens fanuc heidenhain linuxcnc iso230").split())
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
-
-
-@cache
-def before(name: str, seed: int) -> tuple[Cell, World, Estimate]:
-    """Example, seed → cell, a true machine with errors of its size (below 0: that of the example), estimate with scatter."""
-    cell, world = example(name)
-    true = world if seed < 0 else drawn(cell, world, seed)
-    readings = simulate(cell.machine, cell.artefact, cell.strategy, true, seed=1000 + seed)
-    return cell, true, honest(estimate(cell.machine, cell.artefact, readings, cell.terms))
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A compensation that a check is to judge, the check, and where files are written."""
-
-    cell: Cell
-    true: World
-    proposal: Proposal
-    asked: Short
-    look: Look
-    folder: Path
-
-    def control(self, numbers: dict[str, float], name: str) -> Control:
-        """Numbers by place → what a control with them does."""
-        made = replace(self.proposal, numbers=numbers)
-        return read(write(made, self.folder / name), self.cell.machine, tcp=self.asked.tcp)
-
-    def without(self, tables: set[str], name: str) -> Control:
-        """Tables or single places that are not loaded → the control with all others."""
-        held, p = self.proposal.held, self.proposal
-        return self.control({h.place: (p.present if {h.table, h.place} & tables else p.numbers)[h.place] for h in held}, name)
-
-    def judged(self, control: Control | None, seed: int, world: World | None = None) -> Outcome:
-        """What the control has, seed, the machine if it is another one by now → what the check says."""
-        cell = self.cell
-        few = simulate(cell.machine, cell.artefact, self.look.cell.strategy, world or self.true, seed=seed, control=control)
-        return short_outcome(self.asked, from_readings(cell.machine, cell.artefact, few))
-
-
-def loaded(name: str, target: str, seed: int, folder: Path, *, tcp: bool, minutes: float | None = None) -> Loaded:
-    """Example, target, seed, folder, minutes at most → a compensation made from a full run, and its short check."""
-    cell, true, result = before(name, seed)
-    proposal = propose(result, target, SETTINGS.get(target, ()))
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "tango.yaml").write_text("tango: 1\n")
-    kept = loop.store(folder, proposal, "2026-01-01T00:00:00Z")
-    files = files_of(proposal.module, proposal.request, proposal.held, proposal.present, proposal.numbers)
-    asked = Short(kept, Before(result, 1.0), proposal.held, tcp, False, files)
-    chosen = look(asked, cell, proposal.fit.rms_before, positioning_feed(cell), gate_of(cell), minutes)
-    return Loaded(cell, true, proposal, asked, chosen, folder)
-
-
-def disturbed(cell: Cell, world: World, seed: int) -> World:
-    """The same machine with another stylus in the spindle and the table set up anew."""
-    rng = np.random.default_rng([31, seed])
-    shift, turn, stylus = rng.normal(size=3) * 0.05, rng.normal(size=3) * 1e-4, rng.normal(size=3) * 0.05
-    facets = {
-        n: world.facets.get(n, 0.0) + float((shift + np.cross(turn, f.point)) @ np.array(f.normal))
-        for n, f in cell.artefact.facets.items()
-    }
-    old = dict(world.stylus)
-    names = ("EXt", "EYt", "EZt")
-    return replace(
-        world,
-        stylus={n: old.get(n, 0.0) + float(d) for n, d in zip(names, stylus, strict=True)},
-        facets={**world.facets, **facets},
-    )
 
 
 def cases(one: Loaded, seed: int, parts: int = 99) -> dict[str, tuple[Outcome, float]]:

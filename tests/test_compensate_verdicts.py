@@ -7,9 +7,8 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
-from support.compensated import truth
-from test_compensate_short import Loaded, loaded
-from test_compensate_warm import warmer
+from support.compensated import truth, warmer
+from support.loaded import Loaded, loaded
 
 from sim_controller.world import Control
 from tango_cnc.loaded import HELPS

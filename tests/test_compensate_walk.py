@@ -7,19 +7,14 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 from support.closing import SETTINGS
+from support.commands import run
 from support.compensated import ROOT
 
-from tango_cnc.cli import tango
 from tango_cnc.compensate import loop, targets
 from tango_cnc.loaded import HELPS
 
 WALKED = [*((name, "trunnion") for name in targets.names()), *((name, "three_axis_calibrated") for name in ("linuxcnc", "fanuc"))]
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
-from support.compensated import ROOT, truth
-from test_compensate_short import Loaded, disturbed, loaded
+from support.commands import run
+from support.compensated import ROOT, disturbed, truth, warmer
+from support.loaded import Loaded, loaded
 
 from sim_controller.simulate import simulate
-from tango_cnc.cli import tango
 from tango_cnc.compensate import loop, trial
 from tango_cnc.compensate.outcome import Outcome, judged
 from tango_cnc.compensate.promise import Figure
@@ -24,17 +23,6 @@ from tango_cnc.compensate.warmth import Warmth, if_alike, stated
 from tango_cnc.loaded import AS_SEEN, HELPS
 from tango_cnc.records import InputError, World
 from tango_cnc.touches import from_readings
-
-STEEL = 11.5e-6  # per K
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
-
-
-def warmer(world: World, kelvin: float) -> World:
-    """The same machine, all its ways longer as those of steel that is warmer."""
-    return replace(world, errors=world.errors | {f"E{a}{a}1": world.errors.get(f"E{a}{a}1", 0.0) + STEEL * kelvin for a in "XYZ"})
 
 
 def later(world: World, **moved: float) -> World:

@@ -9,11 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 from support.closing import EXAMPLES
+from support.commands import run
 from support.compensated import ROOT, example, first, text
 
-from tango_cnc.cli import tango
 from tango_cnc.compensate import Proposal, loop, propose, targets
 from tango_cnc.compensate.forms import of_another
 from tango_cnc.compensate.hidden import Present
@@ -21,10 +20,6 @@ from tango_cnc.compensate.whose import of_record
 from tango_cnc.records import InputError, TangoError
 
 NOW = "2026-11-01T00:00:00Z"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
 
 
 def given(target: str, numbers: dict[str, float], name: str = "trunnion", settings: tuple[str, ...] = ()) -> Proposal:

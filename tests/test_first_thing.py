@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import pytest
-from support.nights import knock, night
+from support.nights import M, dated, knock, night, story
+from support.pages import read
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -28,39 +27,6 @@ from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
-BEYOND = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
-NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
-NOTHING |= {"why": "the probe did not answer"}
-
-
-def dated(ago: float) -> dict[str, str]:
-    """days before now → dates of a night."""
-    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
-    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
-
-
-def records(kind: str) -> list[dict[str, Any]]:
-    """story → two nights, the newer one of today."""
-    before, now = dated(1), dated(0)
-    alarm = knock(now["night"]) | {"id": f"{now['night']}-1", "since": before["night"], "owner": "Ann"}
-    bent = alarm | {"cause": "stylus", "parameter": "stylus", "text": "The tip has moved"}
-    last = {
-        "changed": night(M, 1, "changed", alarms=[alarm], **now),
-        "beyond": night(M, 1, "out_of_limits", alarms=[alarm], limits=[BEYOND], **now),
-        "probe": night(M, 1, "changed", alarms=[bent], **now),
-        "moving": night(M, 1, "not_measured", moved=True, **NOTHING, **now),
-        "nothing": night(M, 1, "not_measured", **NOTHING, **now),
-        "doubtful": night(M, 1, "doubtful", plausible={"verdict": "implausible", "reasons": ["x"]}, **now),
-    }[kind]
-    return [night(M, 0, **before) | {"simulated": True}, last]
-
-
-def seen(place: Path, path: str) -> str:
-    """cell, path → what a person reads there."""
-    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
-        return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
-
 
 @pytest.mark.few(0)
 @pytest.mark.parametrize(
@@ -75,26 +41,26 @@ def seen(place: Path, path: str) -> str:
     ],
 )
 def test_box_list_orders_alarm_and_mail_begin_with_one_thing(tmp_path: Path, kind: str, first: str) -> None:
-    place = cell(tmp_path / "one", records=records(kind))
+    place = cell(tmp_path / "one", records=story(kind))
     (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\n", encoding="utf-8")
     for path in (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
-        text = seen(place, path).partition("For the engineer")[0]
+        text = read(place, path).partition("For the engineer")[0]
         answer = re.search(
             r"May I make parts\? (?:No|Not yet|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text
         )
         assert answer is not None and answer[1].startswith(first), (path, text[:400])
         assert re.search(f"What to do:? {first}", text), path
-    assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Not yet|Yes, but) {M}.*? {first}", seen(place, "/"))
+    assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Not yet|Yes, but) {M}.*? {first}", read(place, "/"))
     if kind in ("changed", "beyond", "probe"):
-        assert f"What to do {first}" in seen(place, "/alarms")
-    assert first in message(records(kind)[1], (), ())[1].split("\n\n")[0]
+        assert f"What to do {first}" in read(place, "/alarms")
+    assert first in message(story(kind)[1], (), ())[1].split("\n\n")[0]
 
 
 def test_orders_go_from_the_machine_to_parts_to_people_to_the_repair() -> None:
-    before, last = records("moving")
+    before, last = story("moving")
     todo = context(last, (), None, texts(), before=before, owner="Ann, 4711")["todo"]
     assert [next(i for i, x in enumerate(todo) if w in x) for w in ("alarm screen", "first part", "Call Ann")] == [0, 1, 2]
-    todo = context(records("changed")[1], (), None, texts(), owner="Ann, 4711")["todo"]
+    todo = context(story("changed")[1], (), None, texts(), owner="Ann, 4711")["todo"]
     assert "first part" in todo[0] and todo[1].startswith("Call Ann") and "collision" in todo[2]
 
 
@@ -165,7 +131,7 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
     ):
         (place / "nightly.yaml").write_text(f"nightly: 1\nowner: Ann, 4711\n{stated}", encoding="utf-8")
         for path in (f"/machine/{M}", f"/machine/{M}/trend", "/alarms", "/"):
-            assert wanted in seen(place, path), path
+            assert wanted in read(place, path), path
     assert read_nightly(place).deputy == "Bob, 4712"
     told = message(nights[1] | {"owner": "Ann, 4711", "deputy": "Bob, 4712"}, (), ())[1]
     assert "owner: Ann, 4711; if nobody answers: Bob, 4712" in told
@@ -176,18 +142,18 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
 @pytest.mark.few(0)
 def test_age_and_simulated_are_the_same_on_every_page(tmp_path: Path) -> None:
     """The newest night measured nothing: the page counts the hours since the one that did, which a simulator made."""
-    place = cell(tmp_path / "one", records=records("nothing"))
-    assert "measured 24 h ago" in seen(place, "/")
-    assert re.search("nothing measured. Last measured: night ending .{15}, 24 h ago", seen(place, f"/machine/{M}"))
+    place = cell(tmp_path / "one", records=story("nothing"))
+    assert "measured 24 h ago" in read(place, "/")
+    assert re.search("nothing measured. Last measured: night ending .{15}, 24 h ago", read(place, f"/machine/{M}"))
     for path in ("/", *(f"/machine/{M}{x}" for x in ("", "/trend", "/nights", "/report", "/files"))):
-        assert seen(place, path).count("SIMULATED") == 1, path
+        assert read(place, path).count("SIMULATED") == 1, path
 
 
 @pytest.mark.few(0)
 def test_the_list_has_a_heading_for_each_group_and_says_what_a_number_is(tmp_path: Path) -> None:
     places = []
     for i, kind in enumerate(("nothing", "beyond", "moving", "changed")):
-        made = [x | {"machine": f"M{i}", "simulated": i == 0} for x in records(kind)]
+        made = [x | {"machine": f"M{i}", "simulated": i == 0} for x in story(kind)]
         places.append(cell(tmp_path / f"m{i}", f"M{i}", made))
     with TestClient(create(Settings(tuple(places))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
         page = site.get("/").text
@@ -233,7 +199,7 @@ def test_nobody_is_told_when_to_make_parts_below_make_no_parts(verdict: str, tmp
     usual, forbidden = "Make parts while the machine is", verdict != "changed"
     assert (usual in message(record, (), ())[1]) is not forbidden
     for path in ("/alarms", f"/machine/{M}") if verdict != "doubtful" else ("/alarms",):
-        page = seen(place, path)
+        page = read(place, path)
         assert (usual in page) is not forbidden and ("come to its usual temperature" in page) is (verdict == "out_of_limits"), path
 
 

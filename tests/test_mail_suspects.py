@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import plain_of, seen
 from support.server import cell
-from test_page_newer_no import plain_of, seen
 
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
@@ -17,8 +17,6 @@ from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.suspects import to_check
 from tango_cnc.report.days import day
 from tango_cnc.report.texts import texts
-
-M = "HU40T-like"
 
 
 def beyond(number: int, value: float = 91.0) -> dict[str, Any]:

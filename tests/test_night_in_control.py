@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from support.commands import run
 from support.compensated import ROOT, example, first, measured
 from support.nights_parts import as_of, nights_of
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
-from tango_cnc.cli import tango
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate.space import Poses
 from tango_cnc.files import read_cell
@@ -36,10 +35,6 @@ from tango_cnc.verify.volume import grid, set_up, setup_lever
 NOW, LATER = "2026-01-01T00:00:00Z", "2026-02-01T00:00:00Z"
 
 DECIDES = {"undecided": "--measured 1 --tcp", "not as promised": "--measured 1", "no help": "load its undo/"}
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(tango, [str(a) for a in arguments])
 
 
 def worst(cell: Cell, world: World, control: Control | None) -> float:

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from support.bodies import YOKE, trunnion
 from support.controls import GOLDEN, golden
 from support.histories import record
 from support.nights_parts import RealControl, nights_of, twin, warm
 from support.runs import Result
-from test_bodies import YOKE, trunnion
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango

@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import M, dated, knock, night
+from support.pages import read
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -35,21 +36,8 @@ from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 FULL = {"check": "disk", "passed": False, "found": "only 3 MB are free", "do": "make room"}
 NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
-
-
-def dated(ago: float) -> dict[str, str]:
-    """days before now → dates of a night."""
-    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
-    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
-
-
-def seen(place: Path, path: str) -> str:
-    """cell, path → what a person reads there."""
-    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
-        return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
 @pytest.mark.long
@@ -64,7 +52,7 @@ def test_numbers_beside_a_night_that_was_cut_off_name_their_own_night(tmp_path: 
     (place / "nights" / "begun" / f"{datetime.now(UTC) - timedelta(hours=5):%Y-%m-%dT%H%M%SZ}").write_text("", encoding="utf-8")
     of = day(dated(1)["night"], t)
     for path in ("/", f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
-        assert f"(night ending {of})" in seen(place, path), path
+        assert f"(night ending {of})" in read(place, path), path
 
 
 @pytest.mark.few(0)
@@ -72,7 +60,7 @@ def test_the_tab_of_the_newest_night_has_its_date(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, **dated(1))])
     of = day(dated(1)["night"], texts(), False)
     for path in ("", "/trend", "/nights", "/files", "/run", "/report", "/night/1"):
-        assert f"Newest night ending {of} Run" in seen(place, f"/machine/{M}{path}"), path
+        assert f"Newest night ending {of} Run" in read(place, f"/machine/{M}{path}"), path
 
 
 def test_what_kept_a_night_from_beginning_stands_in_the_box() -> None:
@@ -154,9 +142,9 @@ def test_the_list_says_since_when(tmp_path: Path) -> None:
     for number, (records, ago) in enumerate(((knocked, 1), (beyond, 2), (nothing, 2), ([night(M, 0, **dated(40))], 40))):
         place = cell(tmp_path / str(number), records=records)
         (place / "nightly.yaml").write_text("nightly: 1\n", encoding="utf-8")
-        first = seen(place, "/").partition("Night ending")[0]
+        first = read(place, "/").partition("Night ending")[0]
         assert f", since {day(dated(ago)['night'], t)}." in first, number  # with its year, as every other date of the row
-    assert ", since" not in seen(cell(tmp_path / "good", records=[night(M, 0, **dated(0))]), "/")
+    assert ", since" not in read(cell(tmp_path / "good", records=[night(M, 0, **dated(0))]), "/")
 
 
 def test_an_alarm_is_a_row_with_its_verdict_and_cause_and_the_rest_is_folded(tmp_path: Path) -> None:
@@ -177,7 +165,7 @@ def test_a_night_that_ended_before_anything_was_sent_has_not_moved_the_machine(t
     (place / "nights" / "begun" / stamp).write_text("", encoding="utf-8")
     (place / "nights" / stamp).mkdir()
     for path in ("", "/nights"):
-        text = seen(place, f"/machine/{M}{path}")
+        text = read(place, f"/machine/{M}{path}")
         assert "the machine has not moved" in text and "may still be moving" not in text and "What changed Nothing." not in text
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import pickle
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import words_of
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -26,7 +26,6 @@ from tango_cnc.texts.number import EXACT, Number, number
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 SIZE, WORST = 0.021456, 85.4702  # mm, µm: as 21.5 and 85.5 they would be 22 and 86
 
 
@@ -108,11 +107,6 @@ def test_damaged_numbers_of_a_record_are_refused() -> None:
         revived(data)
 
 
-def seen(site: TestClient, path: str) -> str:
-    """pages, path → what a person reads there."""
-    return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
-
-
 @pytest.mark.few(0)
 def test_the_row_of_a_night_says_the_size_of_its_box(tmp_path: Path) -> None:
     place = cell(
@@ -124,10 +118,10 @@ def test_the_row_of_a_night_says_the_size_of_its_box(tmp_path: Path) -> None:
     app = create(Settings((place,)))
     with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
         for path in ("/", "/machine/HU40T-like", "/machine/HU40T-like/nights", "/alarms"):
-            text = seen(site, path)
+            text = words_of(site.get(path).text)
             assert "+21 µm" in text and "22 µm" not in text and "86 µm" not in text, (path, text)
         app.state.tango.units = Units("inch")
-        text = seen(site, "/machine/HU40T-like")
+        text = words_of(site.get("/machine/HU40T-like").text)
         assert "3365.0 µin" in text and "3366" not in text
 
 

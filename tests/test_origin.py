@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from support.commands import called
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell, read_readings
@@ -24,12 +25,6 @@ from tango_cnc.files.origin import (
     simulated,
     write_origin,
 )
-
-
-def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    code = guarded(tango.main, [str(a) for a in arguments], standalone_mode=False)
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,10 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import night
+from support.alarms import alarm, warm
+from support.nights import M, night
+from support.pages import site_of
 from support.server import cell
-from test_page_order import alarm, warm
-
-pytest.importorskip("starlette")
-from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
@@ -24,10 +22,7 @@ from tango_cnc.nightly.words import headline
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
-from tango_cnc.web.app import create
-from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 UTC = "2026-11-02T08:00:00Z"
 
 
@@ -35,10 +30,6 @@ def standing(a: dict[str, Any]) -> dict[str, Any]:
     """→ the record of a night after that of the alarm, which nobody has answered."""
     record = night(M, 8, "changed", standing=[a | {"total": a["size"]}])
     return record | {"headline": headline(record)}
-
-
-def site(*cells: Path) -> TestClient:
-    return TestClient(create(Settings(cells, late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000))
 
 
 def told(*command: str) -> Any:
@@ -106,7 +97,7 @@ def test_metrics_count_open_alarms_as_the_pages_do_and_those_without_an_answer_a
     place = cell(tmp_path / "one", records=[night(M, 6, "changed", alarms=[a]), standing(a)])
     if action:
         decide(place, a, action)
-    with site(place) as client:
+    with site_of(place, late_hours=1e6) as client:
         text, page = client.get("/metrics").text, client.get(f"/machine/{M}").text
     names = ("open", "unanswered")
     assert tuple(int(re.findall(rf"tango_machine_alarms_{n}{{[^}}]*}} (\d+)", text)[0]) for n in names) == counts
@@ -117,7 +108,7 @@ def test_metrics_count_what_is_one_cause_once_also_without_an_answer(tmp_path: P
     """Three open and three unanswered, where the page had three open, two without an answer."""
     a, b = alarm(4, 20.0), alarm(6, 9.0)
     place = cell(tmp_path / "one", records=[night(M, 4, "changed", alarms=[a]), night(M, 6, "changed", alarms=[b], standing=[a])])
-    with site(place) as client:
+    with site_of(place, late_hours=1e6) as client:
         text = client.get("/metrics").text
     assert all(f'tango_machine_alarms_{n}{{machine="{M}"}} 1' in text for n in ("open", "unanswered"))
     (machine,) = told("fleet", str(place))["machines"]
@@ -146,7 +137,7 @@ def test_machines_stand_in_one_order_in_the_list_and_on_alarms(tmp_path: Path) -
         places.append(cell(tmp_path / name[0], name, [night(name, 6, "changed", alarms=alarms), record]))
     with opened(places[0] / "history.db") as history:
         history.decide("a repaired", Decision(large["id"], "repaired", "Emil", "", None, UTC))
-    with site(*places) as client:
+    with site_of(*places, late_hours=1e6) as client:
         for path in ("/", "/alarms"):
             text = client.get(path).text
             assert text.index("b middle") < text.index("a repaired"), path

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import night
+from support.alarms import lasting
+from support.nights import M, night
 from support.server import cell
-from test_page_repaired import alarm
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
@@ -24,7 +24,6 @@ from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 UNTIL = "2027-12-10"
 LARGE_DO, SMALL_DO = "Have the large one compensated.", "Have maintenance look at the small one."
 FIRST = "Measure the first part before you go on."
@@ -36,7 +35,7 @@ def decided(a: dict[str, Any], action: str = "ignore", until: str | None = UNTIL
 
 def two() -> tuple[dict[str, Any], dict[str, Any]]:
     """→ a large change, and a small one of another parameter that nobody has answered."""
-    return alarm(2, 30.0, do=LARGE_DO), alarm(6, 4.0, "EX0C", do=SMALL_DO)
+    return lasting(2, 30.0, do=LARGE_DO), lasting(6, 4.0, "EX0C", do=SMALL_DO)
 
 
 def test_what_to_do_is_about_what_is_open_and_not_about_what_is_ignored() -> None:
@@ -96,8 +95,8 @@ def test_every_page_and_the_report_have_one_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize("action", ["ignore", "accept"])
 def test_a_change_that_went_back_last_night_and_is_ignored_is_no_reason_to_measure_a_part(action: str) -> None:
     """The night saw it gone back, and its alarm is of that night; the box said Measure the first part all the same."""
-    knock = alarm(6, 20.0, total=0.0001, now=say("night.alarms.gone_again_left", told="-0.1 ± 0.3 µm"))
-    back = alarm(8, -19.9, undoes={"alarm": knock["id"], "left": -0.0001}, total=None)
+    knock = lasting(6, 20.0, total=0.0001, now=say("night.alarms.gone_again_left", told="-0.1 ± 0.3 µm"))
+    back = lasting(8, -19.9, undoes={"alarm": knock["id"], "left": -0.0001}, total=None)
     decisions = tuple(decided(a, action) for a in (knock, back))
     told = context(night(M, 8, "changed", alarms=[back], standing=[knock]), decisions, None, texts())
     assert told["answer"].may == "yes" and told["todo"] == ["Nothing."] and told["first"]["gone"]

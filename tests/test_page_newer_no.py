@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.alarms import warm
+from support.newer import YES
+from support.nights import M, knock, night
+from support.pages import plain_of, seen
 from support.server import cell
-from test_page_order import warm
 
 pytest.importorskip("starlette")
-from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
@@ -25,21 +25,12 @@ from tango_cnc.report.morning import context
 from tango_cnc.report.newer import NewerAnswer, answer_text, newer_answer
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
-from tango_cnc.web.app import create
 from tango_cnc.web.pages.fleet import brief
-from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 PATHS = (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights", "/", "/alarms")
 SAYS = "the readings of the report are newer than the newest night, and say No"
 CAPITAL = f"T{SAYS[1:]}"
-YES = Answer("yes", "Yes", "good", "", "")
 TOLD = NewerAnswer("2026-11-01T09:00:00Z", 50.1, 45.0, "EY0C", -0.0182, "mm")
-
-
-def seen(place: Path, path: str) -> str:
-    with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
-        return client.get(path).text
 
 
 def reported(folder: Path, after: str) -> Path:
@@ -245,10 +236,6 @@ def within_night(folder: Path) -> Path:
     says(place, "")
     (place / "report.json").write_text(answer_text("no", night(M, 8)["end_utc"], told), encoding="utf-8")
     return place
-
-
-def plain_of(page: str) -> str:
-    return " ".join(re.sub(r"<[^>]*>", " ", page).split())
 
 
 def test_the_pages_say_which_parts_the_no_of_newer_readings_is_about_and_what_moved(tmp_path: Path) -> None:

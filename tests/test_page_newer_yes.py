@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
-from test_page_newer_but import PATHS, measured, said
-from test_page_newer_no import YES, M, plain_of, seen
+from support.commands import said
+from support.newer import PATHS, YES, measured
+from support.nights import M, knock, night
+from support.pages import plain_of, seen
 
 from tango_cnc.cli import tango
 from tango_cnc.report.answer import Answer, by_newer

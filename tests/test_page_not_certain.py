@@ -7,19 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import seen
 from support.server import cell
-
-pytest.importorskip("starlette")
-from starlette.testclient import TestClient
 
 from tango_cnc.report.morning import context
 from tango_cnc.report.signs import strip
 from tango_cnc.report.texts import texts
-from tango_cnc.web.app import create
-from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 LIMIT = 50.0
 OPEN = "Not certain to be within the limit"
 
@@ -40,11 +35,6 @@ RECORDS = (
 )
 WANTED = ("Good", OPEN, OPEN, "Changed, not certain to be within the limit", "Out of limits", "Out of limits")
 SHAPES = ("<circle", "<rect", "<rect", '<path d="M49 1.5l6 12h-12z"', "h10v10h-10z", "h10v10h-10z")
-
-
-def seen(place: Path, path: str) -> str:
-    with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
-        return client.get(path).text
 
 
 @pytest.mark.few(1)

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import plain_of, seen
 from support.server import cell
-from test_page_newer_no import M, plain_of, seen
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import night
+from support.alarms import alarm, warm
+from support.nights import M, night
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -27,28 +28,7 @@ from tango_cnc.texts import joined, say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 UTC = "2026-11-02T08:00:00Z"
-
-
-def alarm(number: int, um: float, **more: Any) -> dict[str, Any]:
-    """number of the night, µm → an alarm of the C axis as nights write them; it does twice as much to a part."""
-    since, dated = (night(M, i)["night"] for i in (number - 1, number))
-    return {
-        **{"id": f"{dated}-020000-1", "cause": "axis_location", "parameter": "EX0C", "since": since, "unit": "mm", "now": ""},
-        "text": say("changed.off", what="C axis", letter="X", size=f"{um:+.1f} ± 0.3 µm", since=since, name="EX0C"),
-        **{"size": um / 1e3, "std": 0.0003, "rate_per_day": None, "instead": [], "owner": "Ann", "on_part_um": abs(2 * um)},
-        **{"on_part": "A part is off.", "do": "Ask who was at the machine.", "night": dated, "decision": None},
-        **more,
-    }
-
-
-def warm(number: int, um: float, **more: Any) -> dict[str, Any]:
-    """number of the night, µm → an alarm of the temperature."""
-    before = night(M, number - 1)["night"]
-    values = {"size": f"{um:.1f} µm", "kelvin": "6.1", "sensor": "bed", "now": "26.0", "then": "19.9", "night": before}
-    told = {"cause": "temperature", "parameter": "temperature", "text": say("changed.warmer", **values), "on_part_um": um}
-    return alarm(number, um, do=say("cause.temperature.do"), **told, **more)
 
 
 def decided(a: dict[str, Any], action: str) -> Decision:

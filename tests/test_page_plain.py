@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import night
+from support.nights import BEYOND, M, dated, night, story
+from support.pages import read
 from support.server import PASSWORD, cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
-from test_first_thing import BEYOND, M, dated, records, seen
 
 from tango_cnc.files.artefact import read_artefact
 from tango_cnc.files.nightly import read_nightly
@@ -39,18 +39,18 @@ def html(place: Path, path: str) -> str:
 @pytest.mark.few(0)
 def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) -> None:
     """A date beside 'night of' was read as the evening, and 10 h ago as the time of day."""
-    place = cell(tmp_path / "one", records=records("changed"))
+    place = cell(tmp_path / "one", records=story("changed"))
     for path in (*PATHS, "/", "/alarms"):
-        text = seen(place, path)
+        text = read(place, path)
         assert re.search(r"This page: \d\d:\d\d \S+, \w{3} \d", text), path
         assert not re.search(r"[Nn]ight of \w{3} \d", text), path
-    assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", seen(place, PATHS[0]))
+    assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", read(place, PATHS[0]))
 
 
 @pytest.mark.few(0)
 @pytest.mark.parametrize("kind", ["changed", "moving"])
 def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: Path, kind: str) -> None:
-    place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in records(kind)])
+    place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in story(kind)])
     for path in PATHS:
         text = html(place, path)
         box = re.search(r'<section class="(?:verdict|progress).*?</section>', text, re.DOTALL)
@@ -60,7 +60,7 @@ def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: P
 
 @pytest.mark.few(0)
 def test_what_is_said_beside_a_night_that_was_cut_off_is_red_and_below_the_answer(tmp_path: Path) -> None:
-    place = cell(tmp_path / "one", records=records("changed"))
+    place = cell(tmp_path / "one", records=story("changed"))
     (place / "nights" / "begun").mkdir(parents=True)
     (place / "nights" / "begun" / "2026-11-23T020000Z").write_text("", encoding="utf-8")
     (place / "nights" / "2026-11-23T020000Z").mkdir()
@@ -74,11 +74,11 @@ def test_what_is_said_beside_a_night_that_was_cut_off_is_red_and_below_the_answe
     ("kind", "wanted"), [("changed", "A full measurement, by itself."), ("moving", ""), ("nothing", ""), ("good", "Short check.")]
 )
 def test_the_next_night_and_what_to_do_are_one_order(kind: str, wanted: str) -> None:
-    record, now = records("changed" if kind == "good" else kind)[1], {"kind": "full" if kind == "changed" else "check", "why": ""}
+    record, now = story("changed" if kind == "good" else kind)[1], {"kind": "full" if kind == "changed" else "check", "why": ""}
     record = night(M, 1, "good", **dated(0)) if kind == "good" else record
     if kind == "changed":
         record = {**record, "alarms": [{**a, "do": "Run the full measurement."} for a in record["alarms"]]}
-    found = context({**record, "next": now}, (), None, texts(), before=records(kind)[0] if kind in ("moving", "nothing") else None)
+    found = context({**record, "next": now}, (), None, texts(), before=story(kind)[0] if kind in ("moving", "nothing") else None)
     told = found["next_kind"]
     assert (wanted.lower().startswith(told.partition(".")[0].lower().rstrip(".")) and bool(told)) if wanted else told == ""
     if kind == "changed":
@@ -94,33 +94,33 @@ def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> Non
     assert to_ask({"owner": ""}, other, t).startswith("Call Ann, 4711.")
     assert to_ask({"owner": ""}, (), t).startswith("Ask whoever leads the shift: NOBODY")
     assert who_of(None, {"owner": "", "deputy": "Bob, 4712"}, (), t).startswith("Call Bob, 4712.")
-    made = [{**r, "owner": None, "alarms": [{**a, "owner": None} for a in r["alarms"]]} for r in records("changed")]
+    made = [{**r, "owner": None, "alarms": [{**a, "owner": None} for a in r["alarms"]]} for r in story("changed")]
     place = cell(tmp_path / "one", records=made)
     (place / "nightly.yaml").write_text("nightly: 1\ndeputy: Bob, 4712\n", encoding="utf-8")
     for path in (*PATHS, "/", "/alarms", f"/machine/{M}/run"):
-        assert "NOBODY" not in seen(place, path), path
-        assert path.endswith("/run") or "Call Bob, 4712." in seen(place, path), path
+        assert "NOBODY" not in read(place, path), path
+        assert path.endswith("/run") or "Call Bob, 4712." in read(place, path), path
 
 
 @pytest.mark.few(0)
 def test_a_limit_says_what_it_is_for_and_who_has_stated_it(tmp_path: Path) -> None:
-    place = cell(tmp_path / "one", records=records("beyond"))
-    assert "Nobody has written what this limit is for" in seen(place, "/")
+    place = cell(tmp_path / "one", records=story("beyond"))
+    assert "Nobody has written what this limit is for" in read(place, "/")
     stated = "nightly: 1\nlimits: {volume: 45}\nlimits_for: housings of gearbox 4711, K. Blum\n"
     (place / "nightly.yaml").write_text(stated, encoding="utf-8")
     assert read_nightly(place).limits_for == "housings of gearbox 4711, K. Blum"
     for path in (*PATHS, "/"):
-        assert "The limit: housings of gearbox 4711, K. Blum." in seen(place, path), path
+        assert "The limit: housings of gearbox 4711, K. Blum." in read(place, path), path
 
 
 def test_a_report_under_a_no_lets_no_part_be_made() -> None:
     """The box said No, and what to do began with the first part."""
     t = texts()
-    told = context(records("beyond")[1], (), None, t)["answer"]
+    told = context(story("beyond")[1], (), None, t)["answer"]
     do = ["Look first for what has moved.", t("morning.parts_first"), t("morning.call", owner="Ann")]
     assert parts_first(told, do, t) == [t("may.brief_no"), do[0], do[2]]
     assert parts_first(told, [t("morning.cut_off_todo"), *do], t)[:2] == [t("morning.cut_off_todo"), t("may.brief_no")]
-    changed = context(records("changed")[1], (), None, t)["answer"]
+    changed = context(story("changed")[1], (), None, t)["answer"]
     assert parts_first(changed, do, t) == [do[1], do[0], do[2]]  # the box and the list begin with one thing
 
 
@@ -129,11 +129,11 @@ def test_under_the_no_of_its_readings_a_report_asks_for_no_parts_though_the_nigh
     temperature" stood below "1. Make no parts on it"."""
     t = texts()
     warm = f"The machine is 5.3 K warmer. {t('cause.temperature.do')}"
-    told = parts_first(context(records("beyond")[1], (), None, t)["answer"], [warm], t)
+    told = parts_first(context(story("beyond")[1], (), None, t)["answer"], [warm], t)
     assert (
         told[0] == t("may.brief_no") and "Make parts" not in told[1] and "The machine is 5.3 K warmer. Let the machine" in told[1]
     )
-    assert parts_first(context(records("changed")[1], (), None, t)["answer"], [warm], t) == [warm]
+    assert parts_first(context(story("changed")[1], (), None, t)["answer"], [warm], t) == [warm]
 
 
 @pytest.mark.parametrize(("name", "allowed"), [("'f1 '", "without a blank"), ("' f1'", "without a blank")])
@@ -169,7 +169,7 @@ def test_behind_a_proxy_that_names_nobody_no_request_counts_as_one_of_this_compu
     """Names, alarms and verdicts of every machine were open to everybody behind such a proxy."""
     users = tmp_path / "users.json"
     add_user(users, "ann", PASSWORD, "view")
-    settings = Settings((cell(tmp_path / "one", records=records("changed")),), users=users, behind_proxy=proxied)
+    settings = Settings((cell(tmp_path / "one", records=story("changed")),), users=users, behind_proxy=proxied)
     with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
         assert site.get("/metrics", headers=headers).status_code == status
 
@@ -189,6 +189,4 @@ def test_a_headline_about_a_limit_has_the_date_of_the_night_that_found_it(since:
 
 def test_an_answer_among_the_alarms_stands_behind_its_question(tmp_path: Path) -> None:
     """Below "Open alarms" the heading "trunnion No" read as no alarm."""
-    assert re.search(
-        rf"{M} May I make parts\? (?:No|Yes, but)", seen(cell(tmp_path / "one", records=records("changed")), "/alarms")
-    )
+    assert re.search(rf"{M} May I make parts\? (?:No|Yes, but)", read(cell(tmp_path / "one", records=story("changed")), "/alarms"))

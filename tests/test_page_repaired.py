@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import night
+from support.alarms import SINCE_FAULT, lasting
+from support.nights import M, night
 from support.server import cell
 
 from tango_cnc.history import Decision, opened
@@ -15,29 +16,15 @@ from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
 
-M = "HU40T-like"
 LATER = "2026-11-20"
-SINCE_FAULT = "All that were made since Sun 25 Oct 2026, the last night without it."
 SINCE_ANY = "All that were made since Sun 25 Oct 2026, the last night without any of these changes."  # another is named first
 SINCE_OTHER = "All that were made since Sat 31 Oct 2026, the last night without it."
 
 
-def alarm(number: int, um: float, parameter: str = "EY0C", **more: Any) -> dict[str, Any]:
-    """number of the night, µm that the C axis has moved that night → its alarm, as nights write them."""
-    since, dated = (night(M, i)["night"] for i in (number - 1, number))
-    return {
-        **{"id": f"{dated}-020000-1", "cause": "axis_location", "parameter": parameter, "since": since, "unit": "mm", "now": ""},
-        "text": say("changed.off", what="C axis", letter=parameter[1], size=f"{um:+.1f} ± 0.3 µm", since=since, name=parameter),
-        **{"size": um / 1e3, "std": 0.0003, "rate_per_day": None, "instead": [], "owner": "Ann", "on_part_um": abs(2 * um)},
-        **{"on_part": "A part is off.", "do": "Ask who was at the machine.", "night": dated, "total": um / 1e3},
-        **more,
-    }
-
-
 def page(place: Path, action: str, *, other: bool, then: tuple[dict[str, Any], ...] = ()) -> dict[str, Any]:
     """cell, what somebody answers on the morning of the last night, whether another alarm is open, nights after it → the page."""
-    fault = alarm(2, 20.0)
-    tonight = [alarm(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
+    fault = lasting(2, 20.0)
+    tonight = [lasting(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
     records = [night(M, i) for i in (0, 1)] + [night(M, 2, "changed", alarms=[fault])]
     records.append(night(M, 8, "changed" if other else "good", alarms=tonight, standing=[fault]))
     cell(place, records=records)
@@ -58,7 +45,7 @@ def test_the_parts_of_a_repaired_fault_are_in_question_until_a_night_has_measure
     tmp_path: Path, other: bool, missed: bool
 ) -> None:
     nothing = night(M, 9, "not_measured", status="missed", kind="none", limits=[], volume={}, parameters={})
-    waiting = [alarm(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
+    waiting = [lasting(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
     told = page(tmp_path / "c", "repaired", other=other, then=(nothing | {"standing": waiting},) if missed else ())
     assert told["suspect"] == (SINCE_ANY if other else SINCE_FAULT) and told["answer"].may == "but" and told["count"] == int(other)
     assert other or any("it shows whether the repair has helped" in line for line in told["todo"])
@@ -71,7 +58,7 @@ def test_what_was_accepted_and_what_a_night_has_measured_since_is_over(tmp_path:
     told = page(tmp_path / "accepted", "accept", other=other)
     assert told["suspect"] == (SINCE_OTHER if other else "") and told["answer"].may == ("but" if other else "yes")
     helped = {"alarm": "2026-10-26-020000-1", "text": "It is back.", "since": "2026-10-25", "parameter": "EY0C"}
-    waiting = [alarm(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
+    waiting = [lasting(8, 6.0, "EX0C", id="2026-11-01-020000-2")] if other else []
     told = page(tmp_path / "measured", "repaired", other=other, then=(night(M, 9, repaired=[helped], standing=waiting),))
     assert told["suspect"] == (SINCE_OTHER if other else "")
     assert told["repaired"][0]["suspect"].startswith("All that were made between Sun 25 Oct 2026")
@@ -79,7 +66,7 @@ def test_what_was_accepted_and_what_a_night_has_measured_since_is_over(tmp_path:
 
 def test_the_first_date_of_a_story_is_that_of_the_part_that_was_repaired() -> None:
     """Two alarms of one parameter, of which the older was repaired: the parts since that one are in question all the same."""
-    old, new = alarm(2, 20.0), alarm(6, 21.0)
+    old, new = lasting(2, 20.0), lasting(6, 21.0)
     record = night(M, 8, "changed", standing=[new, old])
     done = Decision(old["id"], "repaired", "Dora", "", None, record["end_utc"].replace("T02", "T10"))
     assert context(record, (done,), None, texts())["suspect"] == SINCE_FAULT
@@ -88,7 +75,7 @@ def test_the_first_date_of_a_story_is_that_of_the_part_that_was_repaired() -> No
 
 
 def test_a_change_that_had_gone_back_before_the_repair_is_not_to_be_measured_again() -> None:
-    gone = alarm(2, 20.0, now=say("night.alarms.gone_again_left", told="+1.0 ± 0.3 µm"), total=0.001)
+    gone = lasting(2, 20.0, now=say("night.alarms.gone_again_left", told="+1.0 ± 0.3 µm"), total=0.001)
     record = night(M, 8, standing=[gone])
     done = Decision(gone["id"], "repaired", "Dora", "", None, record["end_utc"].replace("T02", "T10"))
     told = context(record, (done,), None, texts())
@@ -97,7 +84,7 @@ def test_a_change_that_had_gone_back_before_the_repair_is_not_to_be_measured_aga
 
 def test_who_accepts_a_change_has_nothing_to_mend_and_has_sorted_no_part_from_beyond_the_limit() -> None:
     """168 µm until the knock made it 142, with 160 allowed: accepted, the page asked for maintenance and named no part any more."""
-    fault = alarm(6, 20.0)
+    fault = lasting(6, 20.0)
     record = night(M, 8, "changed", standing=[fault])
     signs = [(night(M, i)["night"], "changed" if i >= 6 else "out_of_limits" if i >= 3 else "good") for i in range(8, -1, -1)]
     asked = context(record, (), None, texts(), signs=signs)
@@ -111,7 +98,7 @@ def test_who_accepts_a_change_has_nothing_to_mend_and_has_sorted_no_part_from_be
 
 
 def test_who_accepts_a_change_of_a_machine_beyond_its_limit_has_not_put_it_right() -> None:
-    fault = alarm(6, 20.0)
+    fault = lasting(6, 20.0)
     record = night(M, 8, "out_of_limits", standing=[fault])
     done = Decision(fault["id"], "accept", "Ann", "", None, record["end_utc"].replace("T02", "T10"))
     told = context(record, (done,), None, texts())
@@ -119,10 +106,10 @@ def test_who_accepts_a_change_of_a_machine_beyond_its_limit_has_not_put_it_right
 
 
 def test_the_parts_of_a_fault_that_went_back_stay_in_question_beside_another_fault() -> None:
-    knock = alarm(2, 20.0, now=say("night.alarms.gone_again_left", told="+0.1 ± 0.3 µm"), total=0.0001)
-    other = alarm(8, 15.0, "EX0C")
+    knock = lasting(2, 20.0, now=say("night.alarms.gone_again_left", told="+0.1 ± 0.3 µm"), total=0.0001)
+    other = lasting(8, 15.0, "EX0C")
     told = context(night(M, 8, "changed", alarms=[other], standing=[knock]), (), None, texts())["suspect"]
     assert told == f"{SINCE_OTHER} Those between Sun 25 Oct 2026 and the day on which another fault went back, too."
-    older = alarm(1, 15.0, "EX0C")  # all since before the first of them are in question already
+    older = lasting(1, 15.0, "EX0C")  # all since before the first of them are in question already
     told = context(night(M, 8, "changed", standing=[knock, older]), (), None, texts())["suspect"]
     assert told == "All that were made since Sat 24 Oct 2026, the last night without it."

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import plain_of, seen
 from support.server import cell
-from test_page_newer_no import M, plain_of, seen
 
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.mail import message

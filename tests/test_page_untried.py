@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.nights import night
+from support.alarms import SINCE_FAULT, lasting
+from support.nights import M, night
 from support.server import cell
-from test_page_repaired import SINCE_FAULT, alarm
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
@@ -23,7 +23,6 @@ from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 DOUBT = {"verdict": "doubtful", "carried": False, "plausible": {"verdict": "implausible", "reasons": ["touches do not repeat"]}}
 NOTHING: dict[str, Any] = {"status": "missed", "kind": "none", "limits": [], "volume": {}, "parameters": {}}
 HELPED = {"alarm": "2026-10-26-020000-1", "text": "It is back.", "since": "2026-10-25", "parameter": "EY0C"}
@@ -37,7 +36,7 @@ def shop(folder: Path, nights_after: list[dict[str, Any]], ignored: bool = False
     """folder, nights after the repair, whether the fault was to be ignored before → a cell: a knock in night 2, which somebody
     says to have repaired on the morning of night 8.
     """
-    fault = alarm(2, 20.0)
+    fault = lasting(2, 20.0)
     records = [night(M, i) for i in (0, 1)] + [night(M, 2, "changed", alarms=[fault])]
     silent = {
         "alarm": fault["id"],

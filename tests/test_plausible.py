@@ -10,21 +10,16 @@ from typing import Any, cast
 
 import pytest
 from click.testing import CliRunner
+from support.commands import called
 from support.trust_parts import usable
 
 from tango_cnc import judging
-from tango_cnc.cli import guarded, tango
+from tango_cnc.cli import tango
 from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
 from tango_cnc.judgement import Judgement
 from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.verify.held_out import HeldOut
-
-
-def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    code = guarded(tango.main, [str(a) for a in arguments], standalone_mode=False)
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture(scope="module")

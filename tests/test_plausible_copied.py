@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from test_plausible import called
+from support.commands import called
 
 from tango_cnc.cli import tango
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.estimated import judged, measured
 from support.trust_parts import members, suspected
-from test_plausible_mistakes import judged, measured
 
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell, read_world

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.coverage import pushed
+from support.estimated import judged
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.judgement import Judgement
 from tango_cnc.kinematics import chain, tip
 from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
 from tango_cnc.plausible.spindle import standing
-from tango_cnc.records import Array, Cell, Readings, TangoError, World
+from tango_cnc.records import Array, Cell, Readings, World
 from tango_cnc.touches import from_readings
 
 Measured = tuple[Cell, World, Readings]
@@ -29,13 +29,6 @@ def measured(pytestconfig: pytest.Config) -> Measured:
     folder = pytestconfig.rootpath / "examples" / "trunnion"
     cell, world = read_cell(folder), read_world(folder / "world.yaml")
     return cell, world, simulate(cell.machine, cell.artefact, cell.strategy, world, seed=31)
-
-
-def judged(cell: Cell, readings: Readings) -> Judgement:
-    try:
-        return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)))
-    except TangoError:
-        return judge(cell, readings, None)
 
 
 def farthest(result: Estimate, world: World) -> float:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.estimated import judged, measured
 from support.few import every
-from test_plausible_mistakes import judged, measured
 
 from tango_cnc.judgement import Judgement, Suspicion
 from tango_cnc.records import Cell, Readings

@@ -8,17 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.estimated import judged, measured
 from support.few import every
 from support.slips import SLIPS, Slip
 from support.slips_more import MORE
 
-from sim_controller.simulate import simulate
-from tango_cnc.estimate import estimate
-from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement
-from tango_cnc.noise import honest
-from tango_cnc.plausible import judge
-from tango_cnc.records import Cell, Readings, TangoError
+from tango_cnc.records import Cell, Readings
 
 FIVE_AXES = ("hu40t", "trunnion", "huron", "split", "fork_head")
 CELLS = (*FIVE_AXES, "three_axis", "three_axis_calibrated")
@@ -29,19 +25,6 @@ class Case:
     slip: str
     judgement: Judgement
     rank: int  # of the right answer among the suspicions, 0: not there
-
-
-def measured(root: Path, example: str, seed: int) -> tuple[Cell, Readings]:
-    folder = root / "examples" / example
-    cell = read_cell(folder)
-    return cell, simulate(cell.machine, cell.artefact, cell.strategy, read_world(folder / "world.yaml"), seed=seed)
-
-
-def judged(cell: Cell, readings: Readings) -> Judgement:
-    try:
-        return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)))  # as the commands do
-    except TangoError:
-        return judge(cell, readings, None)
 
 
 def case(cell: Cell, readings: Readings, slip: str, seed: int, kinds: Mapping[str, Slip] = SLIPS) -> Case | None:

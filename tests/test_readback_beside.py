@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.bodies import random_bodies
+from support.bodies import SETTER, YOKE, met, random_bodies, trunnion
 from support.randomplans import example
 from support.readback import lines_of, read_back, refused
-from test_bodies import SETTER, YOKE, met, trunnion
 
 from tango_cnc.gate import proving_touch
 from tango_cnc.kinematics import chain, tip

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from support.nights import night
+from support.reports import facts, folder, outline  # noqa: F401
 from support.server import cell
-from test_report import facts, folder, outline  # noqa: F401
 
 from tango_cnc.commands.report import nights, paper
 from tango_cnc.history import opened

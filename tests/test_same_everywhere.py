@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import M, knock, night
+from support.pages import site_of, words_of
 from support.server import Recorded, cell
 
 pytest.importorskip("starlette")
@@ -25,20 +26,13 @@ from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import joined, say
-from tango_cnc.web.app import create
-from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 TABS = ("", "/trend", "/nights", "/run", "/report", "/files")
-
-
-def site_of(*places: Path) -> TestClient:
-    return TestClient(create(Settings(places)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000))
 
 
 def read(site: TestClient, path: str) -> str:
     """pages, path → what a person reads there."""
-    return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
+    return words_of(site.get(path).text)
 
 
 def steps(html: str) -> list[str]:

@@ -243,3 +243,18 @@ def test_the_report_has_the_hash_of_the_second_run(tmp_path: Path) -> None:
         (tmp_path / name).write_text(name, encoding="utf-8")
     known = {name: digest for name, _, digest in paper(tmp_path, tmp_path / "readings.csv", "", "").files}
     assert known["readings.stylus2.csv"] == hashlib.sha256(b"readings.stylus2.csv").hexdigest()
+
+
+def test_a_second_stylus_as_long_as_the_first_is_said_to_part_nothing() -> None:
+    """Twice as many touches decide seven figures more, with styli of one length, too: they were counted as what it adds."""
+    cell = read_cell(EXAMPLE.parent / "trunnion")
+    probe, said = cell.machine.probe, []
+    for more in (0.0, LONGER):
+        styli = probe, replace(probe, length=probe.length + more)
+        found = bought(plan(replace(cell, machine=replace(cell.machine, styli=styli)), "leave-out"), ("S3",), 3)
+        by = found["by_length"]
+        said.append((len(found["more"]), by["adds"], by.get("least"), by.get("longer")))
+    (equal, nothing, least, longer), (far, some, _, _) = said
+    assert nothing == [] and equal > 5 and far == equal + len(some)
+    assert least is not None and 0 < least["difference_mm"] <= LONGER and least["adds"]
+    assert longer is not None and set(longer["adds"]) == set(some) == {"EZZ M", "EZZ (positioning gain)", "VA"}

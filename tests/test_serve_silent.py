@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 from support import postgres
-from support.nights import into
-from support.server import PASSWORD, cell
-from test_serve_unread import BAD, GOOD, asks, hit, site_of
+from support.nights import hit, into
+from support.pages import site_of
+from support.server import BAD, GOOD, PASSWORD, asks, cell
 
 pytest.importorskip("psycopg")
 

@@ -7,34 +7,15 @@ from pathlib import Path
 
 import pytest
 from support import postgres
-from support.nights import into, knock, night
-from support.server import PASSWORD, cell
+from support.nights import hit, into
+from support.pages import site_of
+from support.server import BAD, GOOD, PASSWORD, asks, cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.history import opened
-from tango_cnc.web.app import create
-from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
-
-HOST = "http://127.0.0.1"
-GOOD, BAD = "Elm", "Ash"
-
-
-def site_of(*cells: Path, users: Path | None = None) -> TestClient:
-    return TestClient(create(Settings(cells, users=users)), base_url=HOST, client=("127.0.0.1", 5000))
-
-
-def hit(name: str) -> list[dict[str, object]]:
-    return [night(name, 0), night(name, 1, "changed", alarms=[knock("2026-10-25") | {"id": f"{name}-1"}])]
-
-
-def asks(place: Path, more: str = "") -> Path:
-    """folder → the same cell, whose alarms are asked of Ann."""
-    file = place / "nightly.yaml"
-    file.write_text(f"{file.read_text(encoding='utf-8')}owner: Ann Meier, 4711\n{more}", encoding="utf-8")
-    return place
 
 
 def looked_at(site: TestClient, what: str = "database") -> None:

@@ -6,13 +6,13 @@ import json
 import re
 import time
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import M, dated, knock, night
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -31,14 +31,7 @@ from tango_cnc.texts import joined, say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
-M = "HU40T-like"
 PAGES = ("/", "/alarms", f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights")
-
-
-def dated(ago: int) -> dict[str, str]:
-    """days before now → dates of a night."""
-    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
-    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
 
 
 def place_of(folder: Path, ago: int, stated: str = "", last: str = "good", then: tuple[int, ...] = ()) -> Path:

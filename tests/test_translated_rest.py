@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
 from support.nights import knock, night
-from test_translated import english, other
+from support.translated import english, other, shop  # noqa: F401
 
 from tango_cnc.report.decimals import decimals, decimals_of_page
 from tango_cnc.report.morning import render
@@ -15,14 +14,6 @@ from tango_cnc.report.texts import Texts, texts, texts_of
 from tango_cnc.texts import carried, joined, revived, say
 
 GERMAN = Texts({key: texts()(key) for key in texts().keys} | {"number.decimal": ","})
-
-
-@pytest.fixture(scope="module")
-def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("shop")
-    lines = (f"{key} = {json.dumps(other(texts()(key)), ensure_ascii=False)}" for key in texts().keys if key != "language")
-    (folder / "texts.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
 
 
 def test_a_night_with_its_checks_and_its_auditor_is_in_one_language(shop: Path) -> None:

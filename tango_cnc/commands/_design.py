@@ -33,6 +33,7 @@ from ..report.drawn import Drawn
 from ..report.texts import texts
 from ..report.units import shown
 from ..terms import inter_axis
+from ._stylus import lengths_said
 
 REASONS = 3  # parameters that are named for an indexation
 TELLS = 1.05  # times a standard deviation grows without an indexation that tells something of the parameter
@@ -169,11 +170,11 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         lines.append(f"other plans of this time ({unit}): {said}")
     if "second_stylus" in data:
         own = data["second_stylus"]
-        more = ", ".join(own["more"]) or "none"
+        more = ", ".join(name for name in own["more"] if name not in own["by_length"]["adds"]) or "none"
         lines.append(f"ISO figures that it decides: {own['alone']} of {own['figures']} ('tango iso230')")
-        lines.append(
-            f"every touch again with a stylus of {own['length_mm']:g} mm: {own['together']}, in twice the time; more: {more}"
-        )
+        again = f"every touch again with a stylus of {own['length_mm']:g} mm: {own['together']}, in twice the time"
+        lines.append(f"{again}; more by their number: {more}")
+        lines.append(lengths_said(own["by_length"], ", ".join))
     if "broken_off" in data:
         said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %{_beside(b)}" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")

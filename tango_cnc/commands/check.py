@@ -22,11 +22,11 @@ from ..model import known, linearise
 from ..plan import by_stylus, last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
-from ..touches import of_facets
+from ..touches import Touches, of_facets
 from ._common import Output, ahead, cell_option, dialect, json_option, table, write_json, writing
 from ._handed import printed
 from ._plan import obstructed_option
-from ._stylus import with_second
+from ._stylus import by_length, lengths_said, with_second
 
 PLACE = "Begin 30"  # in the list of commands
 
@@ -161,11 +161,13 @@ def check(
             {"stylus": one.machine.stylus, "length_mm": one.machine.probe.length, "touches": len(one.touches)} for one in plans
         ]
         found["one_stylus"] = _told(cell, [made], terms, degree)
+        found["by_length"] = by_length(_touches(cell, plans), terms, degree)
     elif made.left_out and (whole := _whole(cell)) is not None:
         found["with_left_out"] = {"touches": len(whole.touches), **_told(cell, [whole], terms, degree)}
     if not others and made.touches and found["not_identifiable_figures"]:
-        length, together = with_second(made, terms, degree)
-        found["second_stylus"] = {"length_mm": length, "more": [name for name in together if name not in found["figures"]]}
+        length, together, lengths = with_second(made, terms, degree)
+        more = [name for name in together if name not in found["figures"]]
+        found["second_stylus"] = {"length_mm": length, "more": more, "by_length": lengths}
     return found | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
 
 
@@ -184,13 +186,19 @@ def _whole(cell: Cell) -> Plan | None:
         return None
 
 
-def _told(cell: Cell, plans: Sequence[Plan], terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
-    """cell, a plan for each stylus, terms → what their touches tell: unknowns, condition number, expected std, what is not seen."""
+def _touches(cell: Cell, plans: Sequence[Plan]) -> Touches:
+    """cell, a plan for each stylus → their touches, which nobody has made yet."""
     position = np.array([touch.contact for made in plans for touch in made.touches])
     facets = [touch.facet for made in plans for touch in made.touches]
     moved = np.concatenate([last_motion(made) for made in plans])
     stylus = np.array([made.machine.stylus for made in plans for _ in made.touches]) if cell.machine.styli else None
-    touches = of_facets(cell.machine, cell.artefact, facets, position, moved, stylus)
+    return of_facets(cell.machine, cell.artefact, facets, position, moved, stylus)
+
+
+def _told(cell: Cell, plans: Sequence[Plan], terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
+    """cell, a plan for each stylus, terms → what their touches tell: unknowns, condition number, expected std, what is not seen."""
+    touches = _touches(cell, plans)
+    facets = touches.facet
     selection = select(touches, terms, degree)
     given, withheld = decided(selection)
     model = selection.model
@@ -277,20 +285,23 @@ def _figures(data: dict[str, Any]) -> list[str]:
         lines.append(f"  not determined, however well the touches repeat: {_first(withheld)}")
     if (one := data.get("one_stylus")) is None:
         if second := data.get("second_stylus"):
-            gain = _first(second["more"]) or "nothing; first add touches in other places"
             again = f"the same touches again with a second stylus of {second['length_mm']:g} mm (machine.yaml: styli)"
-            lines.append(f"  {again} would add {gain}")
+            by_touches = [name for name in second["more"] if name not in second["by_length"]["adds"]]
+            gain = f"{_first(by_touches) or 'nothing'} by their number; {lengths_said(second['by_length'], _first)}"
+            lines.append(f"  {again} would add {gain if second['more'] else 'nothing; first add touches in other places'}")
         return lines
     for stylus in data["styli"]:
         lines.append(f"  stylus {stylus['stylus']}, {stylus['length_mm']:g} mm: {stylus['touches']} touches")
-    more = [name for name in given if name not in one["figures"]]
+    by = data["by_length"]
+    more = [name for name in given if name not in one["figures"] and name not in by["adds"]]
     lines.append(
-        f"  with stylus {data['styli'][0]['stylus']} alone: {len(one['figures'])}; the others add {_first(more) or 'none'}"
+        f"  with stylus {data['styli'][0]['stylus']} alone: {len(one['figures'])}; by their number the other touches add "
+        f"{_first(more) or 'none'}"
     )
-    return lines
+    return [*lines, f"  {lengths_said(by, _first)}"]
 
 
-def _first(names: list[str]) -> str:
+def _first(names: Sequence[str]) -> str:
     return ", ".join(names[:NAMED_FIGURES]) + (f" and {len(names) - NAMED_FIGURES} more" if len(names) > NAMED_FIGURES else "")
 
 

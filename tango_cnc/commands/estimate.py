@@ -32,6 +32,7 @@ from ..verify import held_out
 from . import _scales
 from ._common import ahead, cell_option, json_option, table, write_json
 from ._handed import printed
+from ._stylus import alike_said
 from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
@@ -106,12 +107,15 @@ def command(
     data["may_also_hold"] = {name: list(motions) for name, motions in also.items()}
     data["relative"] = list(_scales.relative(result))
     data["scale_bar_not_used"] = bar = bar_left_out(cell.artefact, result.model.touches.facet)
+    alike = alike_said(result, items, degree)
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
         scales = [text] if (text := _scales.said(folder, result)) else []
         sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement, _scales.relative(result))]
-        printed("\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *([bar] if bar else []), *sound]))
+        printed(
+            "\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *filter(None, (bar, alike)), *sound])
+        )
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())

@@ -20,6 +20,7 @@ from .whole import Block, Whole
 
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 REVERSAL = 4.0  # µm, the same of a reversal: it is a few µm at most, and its interval rests on what is usual beyond that
+ALIKE = 5.0  # mm: styli that differ by less move a tilt of 15 µrad by less than 0.1 µm, which no touch shows
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
 VOLUME = 3.0  # times as much of a position or an orientation over a volume

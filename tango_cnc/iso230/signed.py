@@ -18,7 +18,7 @@ from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
 from .also import also_held
-from .doubt import UNDECIDED, Doubt, most, undecided, worst
+from .doubt import ALIKE, UNDECIDED, Doubt, lengths, most, undecided, worst
 from .expansion import expanded, feels, felt_by, with_column
 from .interval import Spread, of_drawn, of_turned, of_volume
 from .onpart import Ask, asked, minimum_zone
@@ -182,6 +182,9 @@ def ways_out(w: Whole, by_length: Sequence[str] = ()) -> tuple[str, ...]:
         found.append(
             f"a second stylus of another length separates tilts from straightness{need}; 'tango check' says what it would add"
         )
+    elif machine.rotary and len(long := lengths(w.touches)) > 1 and max(long) - min(long) < ALIKE:
+        one = " and ".join(f"{length:g}" for length in long)
+        found.append(f"styli of {one} mm part no tilt from straightness: 'tango check' says how much longer one has to be")
     about = [name for name, turns in w.unfelt.items() if turns]
     if about:
         summed = ", and VC contains it" if all(name[2] in "XYZ" for name in about) else ""

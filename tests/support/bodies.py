@@ -14,14 +14,22 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from sim_controller.motion import Motion
-from sim_controller.probing import Rig
+from sim_controller.motion import Motion, MotionStop
+from sim_controller.probing import Rig, rig
 from support.randomplans import EXAMPLES, example, random_approach, random_facets, random_poses, random_probe, rounded
 from tango_cnc.plan import plan
-from tango_cnc.records import Array, Artefact, Indexation, InputError, Machine, Obstacle, Plan
+from tango_cnc.records import Array, Artefact, Cell, Indexation, InputError, Machine, Obstacle, Plan, World
 
 PATCH = 15.0  # mm that a table surely goes on beyond its facets
 NOSE = 300.0  # mm of spindle above the probe
+YOKE = (
+    Obstacle("box", low=(-330.0, -120.0, -160.0), high=(-245.0, 120.0, 60.0), on="A", title="left cheek"),
+    Obstacle("box", low=(245.0, -120.0, -160.0), high=(330.0, 120.0, 60.0), on="A", title="right cheek"),
+    Obstacle("box", low=(-330.0, -150.0, -200.0), high=(330.0, 150.0, -160.0), on="A", title="bottom of the yoke"),
+)
+SETTER = Obstacle(
+    "cylinder", base=(395.0, 300.0, -300.0), axis=(0.0, 0.0, 1.0), radius=30.0, height=280.0, on="f", title="tool setter"
+)
 
 
 def bodies_of(machine: Machine) -> tuple[str, ...]:
@@ -245,3 +253,21 @@ def _table(artefact: Artefact) -> list[tuple[Array, float]]:
         share = np.random.default_rng(3).dirichlet(np.full(len(corner), 0.25), 400)
         found.append((np.vstack([corner, share @ corner]), 0.0))
     return found
+
+
+def trunnion(*obstacles: Obstacle, indexations: int = 4) -> Cell:
+    """obstacles → the first indexations of the example, on a machine that has them."""
+    cell = example("trunnion")
+    strategy = replace(cell.strategy, indexations=cell.strategy.indexations[:indexations])
+    return replace(cell, machine=replace(cell.machine, obstacles=obstacles), strategy=strategy)
+
+
+def met(made: Plan, cell: Cell, start: np.ndarray | None = None) -> str:
+    """plan, cell whose machine is true → what it ran into, in words; empty for nothing."""
+    try:
+        touched = run(made, rig(cell.machine, cell.artefact, World()), np.array(made.turns[0].after) if start is None else start)
+    except MotionStop as stop:
+        return str(stop)
+    times = 2 if made.strategy.approach.find else 1
+    assert touched == [f"facet {touch.facet}" for touch in made.touches for _ in range(times)]
+    return ""

@@ -22,6 +22,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.records import Array, Cell, World
 
 ROOT = Path(__file__).parent.parent.parent
+STEEL = 11.5e-6  # per K
 
 
 @cache
@@ -107,3 +108,34 @@ def closed(name: str, target: str, folder: Path, settings: Sequence[str] = (), m
 
     true = truth(cell, world, proposal, None), truth(cell, world, proposal, control)
     return Closed(proposal, control, rms(taken), rms(tips(cell, world, proposal, control) - said), *true)
+
+
+def drawn(cell: Cell, world: World, seed: int) -> World:
+    """A true machine with errors of the size of this one's; calibrated facets differ from their certificate as it states."""
+    rng = np.random.default_rng([23, seed])
+    errors = {name: value * rng.normal() for name, value in world.errors.items()}
+    certified = {name: facet.uncertainty for name, facet in cell.artefact.facets.items() if facet.uncertainty is not None}
+    facets = {name: world.facets.get(name, 0.0) + std * rng.normal() for name, std in certified.items()}
+    return replace(world, errors=errors, facets={**world.facets, **facets}, seed=seed)
+
+
+def disturbed(cell: Cell, world: World, seed: int) -> World:
+    """The same machine with another stylus in the spindle and the table set up anew."""
+    rng = np.random.default_rng([31, seed])
+    shift, turn, stylus = rng.normal(size=3) * 0.05, rng.normal(size=3) * 1e-4, rng.normal(size=3) * 0.05
+    facets = {
+        n: world.facets.get(n, 0.0) + float((shift + np.cross(turn, f.point)) @ np.array(f.normal))
+        for n, f in cell.artefact.facets.items()
+    }
+    old = dict(world.stylus)
+    names = ("EXt", "EYt", "EZt")
+    return replace(
+        world,
+        stylus={n: old.get(n, 0.0) + float(d) for n, d in zip(names, stylus, strict=True)},
+        facets={**world.facets, **facets},
+    )
+
+
+def warmer(world: World, kelvin: float) -> World:
+    """The same machine, all its ways longer as those of steel that is warmer."""
+    return replace(world, errors=world.errors | {f"E{a}{a}1": world.errors.get(f"E{a}{a}1", 0.0) + STEEL * kelvin for a in "XYZ"})

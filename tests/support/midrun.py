@@ -19,13 +19,11 @@ import numpy as np
 
 from sim_controller.simulate import simulate
 from support.coverage import EXAMPLES
+from support.estimated import judged
 from support.slips import _along
-from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement, Suspicion
-from tango_cnc.noise import honest
-from tango_cnc.plausible import judge
-from tango_cnc.records import Array, Cell, Readings, TangoError, World
+from tango_cnc.records import Array, Cell, Readings, World
 
 MACHINES = ("hu40t", "trunnion", "split", "fork_head", "huron")
 NEAR = 8  # touches
@@ -213,14 +211,6 @@ MISTAKES: dict[str, Callable[[Cell, Readings, Rng], Wrong | None]] = {
     "10 to 40 % of the touches late": lambda c, r, g: _late(c, r, g, "some"),
     "one indexation turned by 0.03 to 2°": _indexation,
 }
-
-
-def judged(cell: Cell, readings: Readings) -> Judgement:
-    """cell, readings → what `estimate` would say of them."""
-    try:
-        return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)))
-    except TangoError:
-        return judge(cell, readings, None)
 
 
 def spoilt(example: str, mistake: str, seed: int) -> tuple[Cell, Wrong] | None:

@@ -8,7 +8,11 @@ from typing import Any
 
 import numpy as np
 
+M = "HU40T-like"  # the machine of the cells in which a test says no other
 FIRST = datetime(2026, 10, 24, 2, 0, tzinfo=UTC)
+BEYOND = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
+NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
+NOTHING |= {"why": "the probe did not answer"}
 NAMES = {
     "EX0C": ("mm", -0.1138),
     "EY0C": ("mm", 0.012),
@@ -93,3 +97,30 @@ def into(history: Any, records: Sequence[dict[str, Any]]) -> None:
     """open history, records → added in their order."""
     for record in records:
         history.add_night(record, "touch,time_s\n1,0\n")
+
+
+def dated(ago: float) -> dict[str, str]:
+    """days before now → dates of a night."""
+    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
+    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
+
+
+def story(kind: str) -> list[dict[str, Any]]:
+    """story → two nights, the newer one of today."""
+    before, now = dated(1), dated(0)
+    alarm = knock(now["night"]) | {"id": f"{now['night']}-1", "since": before["night"], "owner": "Ann"}
+    bent = alarm | {"cause": "stylus", "parameter": "stylus", "text": "The tip has moved"}
+    last = {
+        "changed": night(M, 1, "changed", alarms=[alarm], **now),
+        "beyond": night(M, 1, "out_of_limits", alarms=[alarm], limits=[BEYOND], **now),
+        "probe": night(M, 1, "changed", alarms=[bent], **now),
+        "moving": night(M, 1, "not_measured", moved=True, **NOTHING, **now),
+        "nothing": night(M, 1, "not_measured", **NOTHING, **now),
+        "doubtful": night(M, 1, "doubtful", plausible={"verdict": "implausible", "reasons": ["x"]}, **now),
+    }[kind]
+    return [night(M, 0, **before) | {"simulated": True}, last]
+
+
+def hit(name: str) -> list[dict[str, object]]:
+    """machine → two nights: it is hit in the second."""
+    return [night(name, 0), night(name, 1, "changed", alarms=[knock("2026-10-25") | {"id": f"{name}-1"}])]

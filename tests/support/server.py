@@ -17,6 +17,7 @@ from tango_cnc.link.journal import Journal
 from tango_cnc.link.lock import holding
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
+GOOD, BAD = "Elm", "Ash"  # machines whose histories can be read, and not
 PASSWORD = "correct horse battery"
 RHYTHM = "nightly: 1\nstale_days: 100000\n"  # invented nights have fixed dates: they answer on whatever day they are looked at
 
@@ -72,3 +73,10 @@ class Recorded:
     def gone(self) -> None:
         """Nobody is at work in the cell any more: the run ended, or its program was killed."""
         self._held.__exit__(None, None, None)
+
+
+def asks(place: Path, more: str = "") -> Path:
+    """folder → the same cell, whose alarms are asked of Ann."""
+    file = place / "nightly.yaml"
+    file.write_text(f"{file.read_text(encoding='utf-8')}owner: Ann Meier, 4711\n{more}", encoding="utf-8")
+    return place
