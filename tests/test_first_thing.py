@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from support.nights import M, dated, knock, night, story
-from support.pages import read
+from support.nights import NOTHING, M, dated, knock, night, story
+from support.pages import read, seen
 from support.server import cell
 
 pytest.importorskip("starlette")

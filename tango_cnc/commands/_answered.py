@@ -36,7 +36,7 @@ def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswe
 
 
 def run_without_report(folder: Path, record: Mapping[str, Any]) -> str:
-    """cell, record of its newest night → when a newer complete run of it began (UTC) of which no report was written; '' for none."""
+    """cell, record of its newest night → when a newer complete run of it began (UTC) without a report; '' for none."""
     run = run_by_day(folder)
     return "" if run is None or not has_no_report(folder, *run, record) else run[0]
 

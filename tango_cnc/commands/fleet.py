@@ -6,6 +6,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
+AT_ONCE = 64  # servers with a history that are asked at the same time
 NIGHTS = 14  # of the sparkline of the tool tip
 
 
@@ -144,7 +146,11 @@ def _rows(
 
     found: list[_Row] = []
     now = datetime.now(UTC).isoformat()
+    off = _not_answering([place for place in places if isinstance(place, str)]) if cells > 1 else {}
     for place, known in places.items():
+        if place in off:
+            trouble |= {str(c.folder): off[place] for c in known}
+            continue
         if cells > 1 and isinstance(place, Path) and not place.exists():
             found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
             continue
@@ -165,6 +171,22 @@ def _rows(
         for row in found
     ]
     return sorted(found, key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
+
+
+def _not_answering(servers: Sequence[str]) -> dict[str | Path, str]:
+    """URLs of histories → those that cannot be read, and why: all are asked at once, as one that is silent takes two minutes."""
+    from ..history import opened
+
+    def ask(where: str) -> str:
+        try:
+            with opened(where, create=False) as history:
+                history.machines()
+        except TangoError as error:
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(AT_ONCE) as threads:
+        return {where: why for where, why in zip(servers, threads.map(ask, servers), strict=True) if why}
 
 
 def _of_history(
