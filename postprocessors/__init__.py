@@ -28,6 +28,7 @@ from ._base import (
     rolled,
     settings,
     unverified,
+    with_defaults,
 )
 
 __all__ = [
@@ -55,4 +56,5 @@ __all__ = [
     "rolled",
     "settings",
     "unverified",
+    "with_defaults",
 ]

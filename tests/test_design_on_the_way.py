@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.design_parts import longer
 
-from tango_cnc.commands._design import _longer
 from tango_cnc.design import goals, order, propose, timed
 from tango_cnc.design.on_the_way import Tour, on_the_way
 from tango_cnc.design.propose import Wish
@@ -67,5 +67,5 @@ def test_touches_exchanged_by_their_ways_make_a_plan_better_in_the_same_time() -
 
 
 def test_a_check_that_takes_longer_than_its_full_run_says_so() -> None:
-    assert "longer than the full run that it rests on (2 min 0 s)" in _longer(150.0, 120.0)[0]
-    assert _longer(150.0, 151.0) == [] and _longer(150.0, None) == []
+    assert "longer than the full run that it rests on (2 min 0 s)" in longer(150.0, 120.0)[0]
+    assert longer(150.0, 151.0) == [] and longer(150.0, None) == []

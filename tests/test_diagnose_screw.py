@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from support import blind
 from support.annex import NAMED
+from support.diagnosis_parts import parted
 from support.judge import tried
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import Diagnosis, diagnose
-from tango_cnc.diagnose._seen import parted
 from tango_cnc.terms.screw_heat import heat
 
 

@@ -10,12 +10,12 @@ import socket
 from pathlib import Path
 
 import pytest
+from support.common_parts import dialect
 from support.controls import GOLDEN
 from support.linkparts import job
 from support.proof_parts import keys_of
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._common import dialect
 from tango_cnc.commands._handed import COMMAND
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission import experiments

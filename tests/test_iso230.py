@@ -16,7 +16,7 @@ from sim_controller.world import place, true_machine
 from tango_cnc import iso230
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.iso230._figure import Tell
+from tango_cnc.iso230 import Tell
 from tango_cnc.iso230._line import POINTS, line_of, turned
 from tango_cnc.iso230.onpart import asked
 from tango_cnc.iso230.trajectory import reference

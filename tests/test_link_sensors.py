@@ -22,8 +22,7 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import read_plan
 from tango_cnc.link.sensors import Sensor, Sensors, read_sensors
-from tango_cnc.link.transport import _sensors
-from tango_cnc.link.transport._sensors import Watch, current, payload
+from tango_cnc.link.transport._sensors import LARGEST, Watch, current, payload
 from tango_cnc.records import InputError
 from tango_cnc.touches import from_readings
 
@@ -122,7 +121,7 @@ def test_a_value_that_is_unavailable_or_old_is_not_kept(agent):
         b"{}",
         b'<!DOCTYPE a [<!ENTITY b "21.5">]><a dataItemId="t">&b;</a>',
         '<!DOCTYPE a><a dataItemId="t">1</a>'.encode("utf-16"),
-        b'<a dataItemId="t">1</a>' + b" " * _sensors.LARGEST,
+        b'<a dataItemId="t">1</a>' + b" " * LARGEST,
     ],
 )
 def test_an_answer_that_is_no_agents_is_refused(data):

@@ -13,8 +13,7 @@ from support import dialects, namedcontrols, newdialect
 from support.controls import golden, run_on
 from support.namedcontrols import NOBODY, OPEN, complaint, differs, first, missing, unsaid, wrong
 
-from postprocessors import load, program
-from postprocessors._base import with_defaults
+from postprocessors import load, program, with_defaults
 from sim_controller.named import controls, stand_in
 from sim_controller.session import language, profile
 from tango_cnc.plan import plan_hash

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.common_parts import asks_for_a_finger
 from support.controls import GOLDEN, golden
 from support.gates import ran
 from support.nights_parts import RealControl, Story, nights, nights_of
@@ -21,7 +22,6 @@ from postprocessors import load, program
 from sim_controller.simulate import simulate
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, as_found, proves
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
@@ -65,6 +65,16 @@ def test_a_night_takes_no_program_that_waits_for_a_finger(cell: Cell) -> None:
     assert "probe_state" in said.do  # all that is missing at once
     said = proves(with_gate(cell, "none"), golden())
     assert said.passed and "nothing proves the probe alive" in said.found
+
+
+def test_where_a_run_has_found_the_facet_only_the_setting_is_missing(cell: Cell) -> None:
+    """ "measure once with a person at the machine", an hour after the whole run."""
+    measured(cell, 0.1)
+    said = proves(with_gate(cell, "finger"), golden())
+    assert not said.passed and "nothing has to be measured" in said.do and "readings.csv" in said.do
+    assert "gate: facet under controller:" in said.do and "tango run" not in said.do
+    measured(cell, NEAR + 0.05)
+    assert "measure once with a person" in proves(with_gate(cell, "finger"), golden()).do
 
 
 @pytest.mark.parametrize(("by", "passed"), [(0.0, True), (NEAR - 0.05, True), (NEAR + 0.05, False), (-NEAR - 0.05, False)])

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from support.histories import knowledge
 from support.histories import record as kept
-from support.nights_parts import Event, Story, nights
+from support.nights_parts import Event, Story, nights, simulated
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands import _simulated_nights as simulated
 from tango_cnc.commands._cell_nights import _judged
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world

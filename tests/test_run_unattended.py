@@ -6,12 +6,12 @@ import shutil
 from pathlib import Path
 
 import pytest
+from support.common_parts import dialect
 from support.controls import GOLDEN, golden
 from support.nights_parts import RealControl
 from support.proof_parts import keys_of
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._common import dialect
 from tango_cnc.files import read_cell
 from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly

@@ -12,11 +12,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.design_parts import change_text, no_shorter
 from support.designs import quickly
 from support.trust_parts import judged
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._design import _no_shorter, change_text
 from tango_cnc.commands.check import check
 from tango_cnc.commands.estimate import _predicting
 from tango_cnc.design import choose, goals, how_long, nested, propose, shortest
@@ -220,7 +220,7 @@ def test_a_plan_is_no_shorter_for_its_touches_or_for_its_limits(
 
 
 def test_why_a_plan_is_no_shorter_names_the_touches_that_it_needs() -> None:
-    assert "has 34 unknowns of them" in (said := _no_shorter(34, 50)) and "49 in all; this plan has 50" in said
+    assert "has 34 unknowns of them" in (said := no_shorter(34, 50)) and "49 in all; this plan has 50" in said
 
 
 @pytest.mark.parametrize("begin", [20.0, 80.0, 97.0, 103.0, 130.0, 400.0])

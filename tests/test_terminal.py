@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from support.common_parts import table, wide
 from support.few import every
 from support.histories import record as kept
 from support.nights import into, knock, night, thirty
 from support.server import cell
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._common import table, wide
 from tango_cnc.history import opened
 from tango_cnc.report import characters
 from tango_cnc.report.characters import Course, bar, colored, courses, ends, marks, sparkline, width

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from support.design_parts import option
 from support.runs import STRATEGY
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._design import _option
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_terms
 from tango_cnc.files.learned import learned_text
@@ -52,5 +52,5 @@ def test_the_terms_that_a_design_prints_can_be_given_to_terms(tmp_path: Path) ->
     (tmp_path / "learned").mkdir()
     (tmp_path / "learned" / "twist.yaml").write_text(learned_text(TWIST), encoding="utf-8")
     terms = read_terms("[S3, EYX2, {cause: learned, name: twist}, {cause: thermal_drift, tau_s: 900}]", tmp_path)
-    assert "values" not in _option(terms) and read_terms(_option(terms), tmp_path) == terms
-    assert _option(("S3", "EYX2")) == "S3,EYX2"
+    assert "values" not in option(terms) and read_terms(option(terms), tmp_path) == terms
+    assert option(("S3", "EYX2")) == "S3,EYX2"

@@ -70,7 +70,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
     if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
         data["left_out"] = {**asdict(without), "text": said}
     if not ready.wish.goal.word and ready.wish.minutes is None:
-        data["no_shorter"] = _no_shorter(data["unknowns"], data["touches"]) if touches_hold(found) else None
+        data["no_shorter"] = no_shorter(data["unknowns"], data["touches"]) if touches_hold(found) else None
     if others:
         data["competitors"] = {name: propose.reached(ready, phi, widens)[0] for name, phi in others.items()}
     if np.isfinite(found.bound):
@@ -179,11 +179,11 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %{_beside(b)}" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
-        lines += [*_longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
+        lines += [*longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
     if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
-        said = _option(ready.wish.terms)
+        said = option(ready.wish.terms)
         lines.append(
             f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {shlex.quote(said)}"
         )
@@ -193,7 +193,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _no_shorter(unknowns: int, touches: int) -> str:
+def no_shorter(unknowns: int, touches: int) -> str:
     """unknowns of the estimate, touches of the shortest plan → why it is no shorter although its limits would allow that."""
     return (
         f"it is no shorter because of its touches, not of its limits: 'tango estimate' has {unknowns} unknowns of them (those of "
@@ -251,7 +251,7 @@ def _of_locations(value: float, worst: str | None) -> str:
     )
 
 
-def _longer(seconds: float, full: float | None) -> list[str]:
+def longer(seconds: float, full: float | None) -> list[str]:
     """s of a check, of the full run that it rests on → what to do where the check saves no time."""
     if full is None or seconds < full:
         return []
@@ -415,7 +415,7 @@ def _std(information: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
 
 
-def _option(terms: Sequence[TermItem]) -> str:
+def option(terms: Sequence[TermItem]) -> str:
     """terms → the same as --terms takes them: a learned shape by its name, for its numbers are in its file."""
     plain = [item if isinstance(item, str) else {k: v for k, v in item.items() if k not in FIELDS} for item in terms]
     if all(isinstance(item, str) for item in plain):

@@ -31,7 +31,7 @@ from ._motions import motion_figures
 from .expansion import stretches
 from .temperature import Known
 
-__all__ = ["Curve", "Figure", "curves", "figures", "of_coefficients", "ranges"]
+__all__ = ["Curve", "Figure", "Tell", "curves", "figures", "of_coefficients", "ranges"]
 
 
 def ranges(touches: Touches) -> dict[str, tuple[float, float]]:

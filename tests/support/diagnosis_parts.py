@@ -16,7 +16,7 @@ from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._richer import richer
 from tango_cnc.diagnose._rows import Rows, alike, rows
 from tango_cnc.diagnose._scatter import Scatter, scatter, uneven
-from tango_cnc.diagnose._seen import left_over
+from tango_cnc.diagnose._seen import left_over, parted
 from tango_cnc.diagnose._shapes import recognised
 from tango_cnc.diagnose._smooth import Kernel, forms, scaled
 from tango_cnc.diagnose._space import Beside, best_noise, level, space
@@ -67,6 +67,7 @@ __all__ = [
     "named",
     "once",
     "over",
+    "parted",
     "pattern",
     "plainer",
     "recognised",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tango_cnc.commands import _simulated_nights as simulated
+from support.nights_parts import simulated
 from tango_cnc.files import readings_text
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tango_cnc.commands import _simulated_nights as simulated
 from tango_cnc.commands._again import again, files_of
 from tango_cnc.commands._cell_nights import as_of, nights_of, twin
 from tango_cnc.commands._cut_off import (
@@ -42,6 +43,7 @@ __all__ = [
     "nights_of",
     "note_planned",
     "settings_of",
+    "simulated",
     "told_of_signals",
     "twin",
     "warm",

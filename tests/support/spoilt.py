@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from support.nights_parts import nights_of
-from tango_cnc.commands import _simulated_nights as simulated
+from support.nights_parts import nights_of, simulated
 from tango_cnc.files import readings_text
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.plan import plan
