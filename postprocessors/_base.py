@@ -6,7 +6,6 @@ TypeError when its file is read, because `Post` has no defaults for them. `progr
     begin · probe_on · { retract clear index approach probe back record } per move · probe_off · end
 
 Of a double touch, finding is a `probe` at another feed without `record`, then `back`, then a `retract` to where measuring begins.
-
 Lines are produced one by one, so that the length of a plan does not matter.
 """
 
@@ -102,6 +101,7 @@ class Post:
     language: str = ""  # that the program is written in: one of tango_cnc/readback/languages; empty: by what it looks like
     summed: bool = True  # whether every record ends with K, the sum of its coordinates; one without it is refused then
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
+    links: tuple[str, ...] = ()  # that this control can have; (): nobody has stated them
     filed: bool = True  # whether the control can write its records into a file; else they only answer over the line
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers

@@ -9,6 +9,7 @@ POST = Post(
     title="Brother Speedio",
     extension="NC",
     language="macro_b",
+    links=("dnc", "file", "remote", "modbus"),
     options=with_defaults(OPTIONS, program_number=7700, probe_on="G65 P8832", probe_off="G65 P8833"),
     memory=512,
     remedies=BROTHER,

@@ -42,6 +42,7 @@ STOPS = (
 )
 ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES, OTHERWISE, UNMET = range(9001, 9010)
 OUTPUT = r"\AM9[45] ?/\d{1,3}\Z"  # an output of the PLC on (94) and off (95); / alone would skip a block
+BARE = re.compile(r"\bM9[45](?! ?/\d)")
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
 SWITCHED = tuple(zip(common.PROBE_SWITCHES, ("M94 /1", "M95 /1"), strict=True))
@@ -58,7 +59,7 @@ OPTIONS = (
     Option(
         "axis_numbers",
         {},
-        "number of each axis in #5021 #5041 #24301, e.g. {X: 1, Y: 2, Z: 3, B: 4}; empty: in the order X Y Z A B C",
+        "number of each axis in #5021 #5041 #24301, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C",
     ),
     common.ROLLOVER,
     *common.clamping("M11", "M10"),
@@ -248,6 +249,12 @@ def _distance(job: Job, goal: Mapping[str, float], base: int) -> str:
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
+    for option, word in SWITCHED:
+        if BARE.search(stated := job.options[option.name]):
+            raise InputError(
+                f"controller.{option.name}: found {stated!r}; allowed: e.g. {word}: the number of the output stands behind a "
+                "slash, which no comment of a program shows"
+            )
     if not FILE.fullmatch(job.options["readings"]):
         raise InputError(
             f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
@@ -259,6 +266,7 @@ POST = Post(
     title="Centroid",
     extension="cnc",
     language="centroid",
+    links=("file", "remote", "modbus"),
     options=OPTIONS,
     memory=512,
     remedies=CENTROID,

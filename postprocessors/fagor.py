@@ -304,6 +304,7 @@ POST = Post(
     title="Fagor 8060, 8065 and 8070",
     extension="NC",
     language="fagor",
+    links=("file", "remote", "modbus"),
     options=OPTIONS,
     summed=False,
     memory=512,

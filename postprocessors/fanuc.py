@@ -9,6 +9,7 @@ POST = Post(
     title="Fanuc macro B",
     extension="nc",
     language="macro_b",
+    links=("dnc", "file", "remote", "modbus"),
     options=settled(OPTIONS, "wait"),
     memory=512,
     remedies=FANUC,

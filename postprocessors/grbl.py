@@ -158,6 +158,7 @@ POST = Post(
     title="grbl, grblHAL, FluidNC",
     extension="gcode",
     language="grbl",
+    links=("grbl",),
     options=OPTIONS,
     remedies=GRBL,
     doubts=DOUBTS,

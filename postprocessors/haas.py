@@ -13,6 +13,7 @@ POST = Post(
     title="Haas",
     extension="nc",
     language="macro_b",
+    links=("dnc", "file", "remote", "modbus"),
     options=with_defaults(
         OPTIONS,
         probe_on="M59 P1134",

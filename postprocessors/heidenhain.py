@@ -310,6 +310,7 @@ POST = Post(
     title="Heidenhain Klartext",
     extension="H",
     language="klartext",
+    links=("file", "remote", "lsv2", "modbus"),
     options=OPTIONS,
     remedies=HEIDENHAIN,
     doubts=DOUBTS,

@@ -220,6 +220,7 @@ POST = Post(
     title="LinuxCNC",
     extension="ngc",
     language="rs274",
+    links=("linuxcnc", "file", "remote", "modbus"),
     options=OPTIONS,
     remedies=LINUXCNC,
     doubts=DOUBTS,

@@ -193,6 +193,7 @@ POST = Post(
     title="Mach3",
     extension="tap",
     language="mach3",
+    links=("file", "remote", "modbus"),
     options=OPTIONS,
     remedies=MACH3,
     doubts=DOUBTS,

@@ -203,6 +203,7 @@ POST = Post(
     title="Mach4",
     extension="nc",
     language="mach4",
+    links=("file", "remote", "modbus"),
     options=OPTIONS,
     memory=512,
     remedies=MACH4,

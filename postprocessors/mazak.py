@@ -9,6 +9,7 @@ POST = Post(
     title="Mazak EIA",
     extension="EIA",
     language="macro_b",
+    links=("dnc", "file", "remote", "modbus"),
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
     memory=512,
     remedies=MAZAK,

@@ -346,6 +346,7 @@ POST = Post(
     title="Okuma OSP",
     extension="MIN",
     language="osp",
+    links=("dnc", "file", "remote", "modbus"),
     options=OPTIONS,
     memory=512,
     remedies=OKUMA,

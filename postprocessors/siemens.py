@@ -401,6 +401,7 @@ POST = Post(
     title="Siemens 840D sl and ONE",
     extension="MPF",
     language="siemens",
+    links=("file", "remote", "opcua", "modbus"),
     options=OPTIONS,
     memory=512,
     alarms=alarms,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 import pytest
-import yaml
+from support.controls import stating
 from support.proof_parts import keys_of
 from support.runs import Result
 from support.simulated_runs import controller
@@ -23,14 +23,6 @@ SPLIT = "split"  # its strategy turns the spindle
 
 def call(*words: object) -> int:
     return guarded(tango.main, [str(word) for word in words], prog_name="tango", standalone_mode=False)
-
-
-def stating(folder: Path, **controller: object) -> Path:
-    """folder of a cell, what it states of its control → the same."""
-    file = folder / "tango.yaml"
-    known = yaml.safe_load(file.read_text(encoding="utf-8")) | {"controller": controller}
-    file.write_text(yaml.safe_dump(known), encoding="utf-8")
-    return folder
 
 
 @pytest.fixture

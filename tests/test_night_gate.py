@@ -67,6 +67,16 @@ def test_a_night_takes_no_program_that_waits_for_a_finger(cell: Cell) -> None:
     assert said.passed and "nothing proves the probe alive" in said.found
 
 
+def test_where_a_run_has_found_the_facet_only_the_setting_is_missing(cell: Cell) -> None:
+    """ "measure once with a person at the machine", an hour after the whole run."""
+    measured(cell, 0.1)
+    said = proves(with_gate(cell, "finger"), golden())
+    assert not said.passed and "nothing has to be measured" in said.do and "readings.csv" in said.do
+    assert "gate: facet under controller:" in said.do and "tango run" not in said.do
+    measured(cell, NEAR + 0.05)
+    assert "measure once with a person" in proves(with_gate(cell, "finger"), golden()).do
+
+
 @pytest.mark.parametrize(("by", "passed"), [(0.0, True), (NEAR - 0.05, True), (NEAR + 0.05, False), (-NEAR - 0.05, False)])
 def test_the_facet_has_to_be_where_the_last_run_found_it(cell: Cell, by: float, passed: bool) -> None:
     measured(cell, by)

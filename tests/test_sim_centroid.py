@@ -167,6 +167,13 @@ def test_an_output_of_the_plc_switches_the_probe(on: str, off: str) -> None:
     assert not found.why and switched == [94, 95]
 
 
+@pytest.mark.parametrize("word", ["M94 1", "M94"])
+def test_an_output_without_its_slash_is_refused(word: str) -> None:
+    """The header of the program has "E.G. M94 1", as no comment may have the slash: copied, it was taken."""
+    with pytest.raises(InputError, match=r"controller\.probe_on: found 'M94.*allowed: e\.g\. M94 /1"):
+        list(program(load("centroid"), golden(), {"probe_on": word}, plan_hash(golden()))[2]())
+
+
 @pytest.mark.parametrize("word", ["/M94 1", "/1", "M5 /1", "M94 /1 M30", "M94 /1\nM30", "M94 /1/2", "M94 / 1"])
 def test_no_other_slash_is_taken(word: str) -> None:
     with pytest.raises(InputError, match=r"controller\.probe_on"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,26 +39,51 @@ def proves(cell: Cell, made: Plan) -> PreflightPoint:
     if which == "finger":
         state = "" if _looks(cell, post) else say("preflight.gate.and_state_probe_state")
         advice = say("preflight.gate.state_gate_facet_under_controller", state=state)
+        with suppress(InputError):  # no facet could prove it, or its readings cannot be read
+            if (last := _last(cell, made)) is not None and abs(last.off) <= NEAR:
+                name, folder = last.file.name, last.file.parent.name
+                advice = say("preflight.gate.found_without_gate", state=state, facet=last.facet, name=name, name2=folder)
         return PreflightPoint("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
         found = say("preflight.gate.nothing_tells_stylus_deflected_before")
         advice = say("preflight.gate.state_probe_state_variable_shows")
         return PreflightPoint("gate", False, found, advice)
+    last = _last(cell, made)
+    if last is not None:
+        where = say(
+            "preflight.gate.facet_proves_probe_found_mm",
+            facet=last.facet,
+            name=last.file.name,
+            name2=last.file.parent.name,
+            off=f"{last.off:+.2f}",
+        )
+        advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")
+        return PreflightPoint("gate", abs(last.off) <= NEAR, where, "" if abs(last.off) <= NEAR else advice)
+    advice = say("preflight.gate.measure_once_with_person_at")
+    facet = proving_touch(replace(made, met={})).facet
+    return PreflightPoint("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=facet), advice)
+
+
+@dataclass(frozen=True)
+class _Last:
+    """Where the last run has found the facet that proves the probe: mm behind (+) the place in the plan, and in which file."""
+
+    facet: str
+    off: float
+    file: Path
+
+
+def _last(cell: Cell, made: Plan) -> _Last | None:
+    """cell, plan of the night → the last run that has found the proving facet; None where none has.
+
+    Raises InputError where no facet of the plan proves the probe, and for readings that cannot be read.
+    """
     one = proving_touch(replace(made, met={}))
     for file in _runs(cell):
         off = _found(cell, made, [one], file).get(one.number)
         if off is not None:
-            where = say(
-                "preflight.gate.facet_proves_probe_found_mm",
-                facet=one.facet,
-                name=file.name,
-                name2=file.parent.name,
-                off=f"{off:+.2f}",
-            )
-            advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")
-            return PreflightPoint("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
-    advice = say("preflight.gate.measure_once_with_person_at")
-    return PreflightPoint("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=one.facet), advice)
+            return _Last(one.facet, off, file)
+    return None
 
 
 def _looks(cell: Cell, post: Post) -> bool:

@@ -22,9 +22,10 @@ from ..plan import part, plan, plan_hash
 from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import joined, say
 from ._cell_nights import again
-from ._common import address_of, dialect, writing
+from ._common import address_of, dialect, start_patience, writing
 from ._cut_off import executed_until, from_journal, newest_run, note_planned
 from ._night_gate import as_found, proves
+from ._night_start import starts
 from ._night_warm import warm, warmth
 from ._start import counts, disproven_of, misses_of
 
@@ -140,6 +141,9 @@ class RealControl:
     stamp: str
     port: str | None = None
     simulated: bool = False  # the control stands in for a machine that does not exist
+    someone: bool = (
+        False  # is at the terminal, and starts a program that does not begin itself; none is where a timer begins a night
+    )
     twin: Callable[[], Path | None] = lambda: None  # another cell whose machine has this name, in the same history
     _points: list[PreflightPoint] = field(default_factory=list)
     _cold: bool = False  # what the preflight found: the machine warms up first
@@ -152,6 +156,7 @@ class RealControl:
             self._commissioned,
             self._program,
             self._gate,
+            self._start,
             self._left,
             *((self._warm,) if self.settings.temperature else ()),
             self._control,
@@ -197,6 +202,10 @@ class RealControl:
     def _gate(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
         return proves(self.cell if kind == "full" or self.check is None else self.check, self.planned(kind, touches))
+
+    def _start(self, kind: str, touches: Sequence[int]) -> PreflightPoint | None:
+        """Nobody presses cycle start at night; None where nobody has to, or somebody is there, as a simulated control always is."""
+        return None if self.someone or self.simulated else starts(self.cell, self._address())
 
     def _left(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
@@ -308,7 +317,7 @@ class RealControl:
                 target,
                 False,
                 None,
-                60.0,
+                start_patience(self.someone),
                 None,
                 misses=misses_of(self.cell, post),
                 counted=counts(post),

@@ -19,7 +19,7 @@ from ..records import Cell, InputError, LinkError, TangoError
 from ..report.texts import Texts
 from ..texts import say
 from ._beside import alone, stated
-from ._common import address_of, cell_option, controller_of, dialect, json_option, write_json
+from ._common import address_of, attended, cell_option, controller_of, dialect, json_option, write_json
 from ._shop import looked_at, of_shop
 
 PLACE = "Keep 10"
@@ -100,7 +100,7 @@ def command(
         controller_of(cell)
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
-        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated)
+        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated, attended() and not dry_run)
         if dry_run:
             place = looked_at(place)
         with opened(place) as history:
@@ -249,6 +249,12 @@ def _install(cell: Cell, kind: str, at: str) -> int:
         )
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
+    if cell.controller is not None and cell.controller.port is not None:
+        from ._night_start import starts
+
+        address_of(cell, None, dialect(cell).link)
+        if (never := starts(cell, cell.controller.port)) is not None:
+            raise InputError(f"--install: found port {never.found}; {never.do}. No timer was written")
     target = cell.folder / "nights" / "timer"
     who = getpass.getuser()
     written = units(kind, cell.folder.resolve(), at, cell.machine.name, "" if who == "root" else who)

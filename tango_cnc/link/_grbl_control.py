@@ -30,6 +30,11 @@ class Control(Dialogue):
         self._offset: dict[str, float] = {}
         super().__init__(task.start_patience)
 
+    @classmethod
+    def begins(cls, options: Mapping[str, str]) -> bool:
+        """{option: value} → True: every move is asked for from here."""
+        return True
+
     def _look(self) -> Talk:
         """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
         who = yield from self._say("$I")  # what a run that was cut off left in the control's buffer is no line any more with $

@@ -152,6 +152,11 @@ class Client(Protocol):
         """plan of a run, {option: value} → nothing. Raises InputError for a plan that the control cannot be told."""
 
     @classmethod
+    def begins(cls, options: Mapping[str, str]) -> bool:
+        """{option: value} → whether a program begins with nobody at the control: started from here, or awaited by the control."""
+        return False
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing; none where it cannot be asked."""
         return b""

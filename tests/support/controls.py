@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import pytest
+import yaml
 
 from postprocessors import companions, load, program
 from sim_controller.faults import faults
@@ -185,3 +186,11 @@ def assert_as_it_happened(ran: Ran, made: Plan) -> None:
         for name in "XYZ":
             assert event.position[name] == pytest.approx(there[name], abs=1e-4)
     assert isinstance(begun, Begun) and ended == Ended(len(made.touches), begun.mark)
+
+
+def stating(folder: Path, **controller: object) -> Path:
+    """folder of a cell, what it states of its control → the same."""
+    file = folder / "tango.yaml"
+    known = yaml.safe_load(file.read_text(encoding="utf-8")) | {"controller": controller}
+    file.write_text(yaml.safe_dump(known), encoding="utf-8")
+    return folder

@@ -94,6 +94,11 @@ class Client(Listener):
                 "listen=no in the port's URL: you have looked, and it does not"
             )
 
+    @classmethod
+    def begins(cls, options: Mapping[str, str]) -> bool:
+        """{option: value} → whether the control waits for its tape; one that has the program already is started by a person."""
+        return options.get("program", "send") == "send"
+
     @property
     def sent(self) -> tuple[int, int]:
         """→ (bytes sent, bytes in all) of the program."""

@@ -57,6 +57,11 @@ class Client(Dialogue):
         super().__init__(task.start_patience)
 
     @classmethod
+    def begins(cls, options: Mapping[str, str]) -> bool:
+        """{option: value} → True: the program is started from here."""
+        return True
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → a greeting and questions that move nothing."""
         asked = "".join(f"get {what}\r\n" for what in (*READY, "program_status"))

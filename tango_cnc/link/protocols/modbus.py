@@ -66,6 +66,11 @@ class Client(Registers):
         read_layout(options.get("layout", ""))
 
     @classmethod
+    def begins(cls, options: Mapping[str, str]) -> bool:
+        """{option: value} → True: each move is asked for from here, or the program is."""
+        return True
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing."""
         return _registers.hello(options)

@@ -64,7 +64,7 @@ class _Mach4(_Program):
         elif (match := END.fullmatch(line)) and self._opened:
             self._machine.end(match[1], float(match[2]))
             self._closed = True
-        elif line.startswith(("POPEN", "PCLOS", "DPRNT", "G65")) or line == "G53":
+        elif (line.startswith(("POPEN", "PCLOS", "DPRNT", "G65")) and line not in self._words) or line == "G53":
             raise InputError("no line that a program of this kind may have here")
         else:
             super().line(line)
