@@ -30,7 +30,7 @@ from ..report.morning import next_night
 from ..report.newer import NewerAnswer, newer_answer
 from ..report.repeated import as_found, shortened, stories
 from ..report.texts import Texts, code
-from ..report.tonight import by_now, by_tonight, is_over, is_unsure
+from ..report.tonight import by_now, by_tonight, is_over, is_unsure, only_set_up
 from ..report.words import of_its_night
 from ..state.changes import change
 from ..texts import say
@@ -240,7 +240,8 @@ def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
         return {**a, **{key: one[key] for key in ("text", "now", "total")}, **by_tonight(one)}
 
     def place(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-        return change(a.get("cause")).of_the_probe, is_over(a), -abs(a.get("on_part_um") or 0.0)
+        probe = only_set_up(a) and change(a.get("cause")).of_the_probe
+        return is_over(a), probe, -abs(a.get("on_part_um") or 0.0)
 
     return sorted(map(told, alarms), key=place)
 

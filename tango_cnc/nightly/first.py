@@ -7,7 +7,7 @@ from typing import Any
 
 from ..report.answer import PARTS, of_moving
 from ..report.texts import Texts
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, only_set_up
 from ..state.changes import change
 
 
@@ -36,6 +36,6 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
         return []
     alarms = (*record["alarms"], *(record.get("standing") or ()))
-    probe = verdict == "changed" and bool(alarms) and all(change(c := a.get("cause")).of_the_probe or c == "ball" for a in alarms)
+    probe = verdict == "changed" and bool(alarms) and all(map(only_set_up, alarms))
     scatters = any(change(a.get("cause")).scatters and not is_gone(a.get("now") or "") for a in alarms)
     return [t(PARTS["_probe" if probe else "_beside" if scatters else ""])]

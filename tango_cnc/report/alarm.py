@@ -12,6 +12,7 @@ from .plain import office, plain, shop
 from .reach import of_two, or_else
 from .repeated import before_repair
 from .texts import Texts, texts
+from .tonight import only_set_up
 from .units import Units
 from .words import named, spoken
 
@@ -50,6 +51,7 @@ def alarm(
         "first": found,  # date of the first night on which it was seen
         "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
         "cause_key": str(a.get("cause") or ""),
+        "set_up": only_set_up(a),
         "begun": str(a.get("since") or ""),
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
         "on_part": sentence(plain(part, u, t, machine), Units()),

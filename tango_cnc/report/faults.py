@@ -253,7 +253,7 @@ def untried(a: Mapping[str, Any]) -> bool:
 
 def for_setting_up(a: Mapping[str, Any]) -> bool:
     """fault → whether parts have it only by what was set up or measured with the probe."""
-    return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
+    return bool(a.get("set_up"))
 
 
 def of_probe(found: Sequence[Mapping[str, Any]]) -> str:
@@ -405,6 +405,9 @@ def does_now(a: Mapping[str, Any]) -> float:
     return size_of(a) * min(share, 1.0)
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
-    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -does_now(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    """fault → its place: what has gone back comes after all that is there, what is no error of a part after what is; else by what
+    there is of it now, whoever has it.
+    """
+    probe = for_setting_up(a) and change(a["cause_key"]).of_the_probe
+    return bool(a["gone"]), probe, -does_now(a)
