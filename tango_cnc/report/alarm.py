@@ -40,6 +40,7 @@ def alarm(
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     told = {**a, "night": found or str(a.get("night") or "")}  # what stands behind a limit has no id
     asks = str(record.get("deputy") or ""), str(record.get("owner") or "")
+    waits = str(a.get("asked_again") or asked)  # since when an answer is missing
     part = _part(told, u, t)
     return {
         **a,
@@ -62,9 +63,9 @@ def alarm(
         "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and not record.get("deputy") and decision is None,
-        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, *asks),
-        "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
-        "asked": asked,
+        "who": _who(owner, decision, waits, today or str(record.get("night") or ""), t, *asks),
+        "silent": days_between(waits, today or str(record.get("night") or "")) if waits and decision is None else 0,
+        "asked": waits,
         "decision": decision,
         "symbol": "" if spoken(str(a.get("parameter") or "")) == str(a.get("parameter") or "") else str(a["parameter"]),
         "drifts": False,

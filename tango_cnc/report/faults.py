@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any
 
 from ..loaded import changes
@@ -190,7 +191,7 @@ def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dic
     """alarm of an earlier night, as that night wrote it → with its moment; what is settled keeps its own advice."""
     if own is None:
         return a
-    a |= {k: own[k] for k in ("utc", "was") if own.get(k) is not None and a.get(k) is None}
+    a |= {k: own[k] for k in ("utc", "was", "asked_again") if own.get(k) is not None and a.get(k) is None}
     return a | ({k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {})
 
 
@@ -198,8 +199,8 @@ def _asked_first(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any
     """faults → those that nobody has answered with the date on which their owner was asked first: who has not answered the alarm of
     ten days ago is not the first to call about that of this morning.
     """
-    waits = [a for a in still_open(found) if a["decision"] is None and a["owner"] and a["night"]]
-    first = {a["owner"]: min(x["night"] for x in waits if x["owner"] == a["owner"]) for a in waits}
+    waits = [a for a in still_open(found) if a["decision"] is None and a["owner"] and a["asked"]]
+    first = {a["owner"]: min(x["asked"] for x in waits if x["owner"] == a["owner"]) for a in waits}
     deputy = str(how.record.get("deputy") or "")
     today = how.today or str(how.record.get("night") or "")
     asked = {a["id"]: asked_since(a, first[a["owner"]], today, how.t, deputy) for a in waits}
@@ -283,7 +284,7 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     has not gone again.
     """
     listed = still_open(found)
-    unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
+    unanswered = [str(a["asked"]) for a in listed if a["decision"] is None]
     if unanswered and record.get("alarms"):  # that of tonight waits in no case; nobody has had time for it
         return min((n for n in unanswered if n < str(record.get("night"))), default=""), ""
     held = (a for a in listed if a["decision"] is not None and not a["gone"])
@@ -329,7 +330,17 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
     tried = {key: d for key, d in known.decided.items() if d.action == "repaired" and key in known.newest.keys() - over}
     waits = tried.keys() - _measured(history, machine, tried) if tried else set()
     listed = [(key, entry, a) for key, (entry, a) in known.newest.items() if not known.closed(key) or key in waits]
-    return [dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) for key, entry, a in listed], dict(known.decided)
+    again = _asked_again(history.decisions(machine), today)
+    return [
+        dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) | again.get(key, {}) for key, entry, a in listed
+    ], dict(known.decided)
+
+
+def _asked_again(decisions: Sequence[Any], today: str) -> dict[str, dict[str, str]]:
+    """decisions, date → {alarm: the day since which its owner is asked again}, of those that somebody ignored until then."""
+    last = {d.alarm: d for d in decisions}
+    over = {key: d.until for key, d in last.items() if d.action == "ignore" and d.until and d.until < today}
+    return {key: {"asked_again": (date.fromisoformat(until) + timedelta(days=1)).isoformat()} for key, until in over.items()}
 
 
 def _measured(history: History, machine: str, repairs: Mapping[str, Any]) -> set[str]:

@@ -69,7 +69,7 @@ def orders(
         lines.append(t("morning.todo_nothing" if done == "accept" else "may.repaired_todo"))
     elif listed := asking(found):
         own = listed[0] is found[0] and not (lines or told.moved)  # "this axis" would be that of the order before it
-        lines += of_faults(listed, t, own) if not failed else []
+        lines += of_faults(listed, t, own)
     elif found:  # all of it is to be ignored
         lines += [t("todo.limit")] if verdict == "out_of_limits" else _of_good(told, coming, t) if not failed else []
     elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_moving(record, former):

@@ -163,7 +163,10 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
 def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """what is told, its alarms → the same, asked of whom the oldest alarm asks that nobody has answered."""
     unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
-    return {**told, **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night") if unanswered}}
+    return {
+        **told,
+        **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night", "asked", "silent") if unanswered},
+    }
 
 
 def _moved_on(first: Mapping[str, Any], story: _Story, written: str, how: _Telling) -> dict[str, Any]:

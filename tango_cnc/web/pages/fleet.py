@@ -30,7 +30,7 @@ from ...report.days import ago, day, spoken_days
 from ...report.faults import answered, does_now, earlier, faults, of_probe, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
 from ...report.newer import NewerAnswer, newer_answer
-from ...report.orders import orders, parts_first
+from ...report.orders import brief_of, orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.reach import to_ask
@@ -225,7 +225,7 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
-    if found and told.state not in ("not_measured", "doubtful"):
+    if found and told.state != "doubtful":
         return since_date(_first(found))
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
@@ -274,7 +274,9 @@ def brief(
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
     first = _first(found) if found and not told.old else {}
     gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
-    return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), gone, told.moved) if x)
+    still = str(first.get("still") or "")
+    still = still if first and still in brief_of(first) else ""  # it is another size by now
+    return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), still, gone, told.moved) if x)
 
 
 def _first(found: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
