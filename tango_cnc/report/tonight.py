@@ -97,6 +97,13 @@ def has_grown(total: float, size: float, std: float | None, now: float = 0.0) ->
     return other > AS_FOUND * abs(size) or bool(std and other > max(LEAST * abs(size), SURE * abs(std)))
 
 
+def size_of(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
+    if a.get("on_part_um") is not None:
+        return abs(float(a["on_part_um"]))
+    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
+
+
 def std_now(a: Mapping[str, Any]) -> float:
     """alarm of another night → standard deviation of how far it is by now, in the unit of the alarm; 0 where no record has it."""
     told = (x.values.get("told") for x in _inside(a.get("now")))
