@@ -98,7 +98,7 @@ WHOLE = """
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt
     night_in_control night_within nightly_refusing_disk plan_long plausible_copied plausible_either
     plausible_midway program_stylus repeated_varies run_simulated run_stylus serve_abuse serve_attacks
-    serve_browser serve_eyes_and_keys serve_routes serve_silent tests_notice uncertainty_coverage
+    serve_browser serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage
     uncertainty_fleet
 """
 

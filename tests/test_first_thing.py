@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from support.nights import M, dated, knock, night, story
-from support.pages import read
+from support.nights import NOTHING, M, dated, knock, night, story
+from support.pages import read, seen
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -218,3 +218,17 @@ def test_no_compensation_is_asked_for_a_change_that_made_the_error_nearly_nothin
             assert ("have the compensation written" in told) is not right, told
             assert ("ave no compensation written" in told) is right and "have maintenance look" in told
             assert ("two measurements show" in told) is bool(confirmed)
+
+
+def test_nobody_makes_a_first_part_on_a_machine_that_no_night_has_measured(tmp_path: Path) -> None:
+    """The mail said "Measure the first part before you go on", its page "Nobody knows" and nothing of parts."""
+    failed = [{"check": "control", "passed": False, "found": "the port does not open", "do": ""}]
+    never = night(M, 0, "not_measured", preflight=failed, **NOTHING, **dated(0))
+    mail = message(never, (), ())[1]
+    assert "May I make parts? Nobody knows. Make no parts with tight limits on it." in mail and "first part" not in mail
+    place = cell(tmp_path / "one", records=[never])
+    for path in ("/", f"/machine/{M}", f"/machine/{M}/trend"):
+        text = seen(place, path)
+        assert "Nobody knows" in text and "Make no parts with tight limits on it." in text and "first part" not in text, path
+    page = seen(place, f"/machine/{M}").partition("For the engineer")[0]
+    assert page.count("ort does not open") == 1, page

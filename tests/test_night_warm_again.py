@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from support.nights import knock, night
 from support.nights_parts import Event, Story, nights
 from support.spoilt import simulated
 
@@ -19,6 +20,7 @@ from tango_cnc.nightly.last_known import as_known_last
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.warmth import as_sure_as, as_warm_as, with_warmth
 from tango_cnc.report.faults import faults
+from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.tonight import is_gone
 from tango_cnc.report.units import Units
@@ -151,3 +153,18 @@ def test_a_night_in_doubt_does_not_bring_back_a_warm_night_that_has_gone(
     (alarm,) = [a for a in last["standing"] if a["cause"] == "temperature"]
     assert last["verdict"] == "doubtful" and is_gone(alarm["now"]) and "the machine is at" in alarm["now"]
     assert alarm["gone_by"] == records[3]["night"]
+
+
+def test_the_minus_of_a_temperature_is_that_of_a_length_on_a_page() -> None:
+    told = plain("gone again: the machine is at 20.3 °C, -0.1 K from 20.4 °C before, -3 µm", Units(), texts())
+    assert "−0.1 K" in told and "−3 µm" in told and "-" not in told
+
+
+@pytest.mark.parametrize("cause", ["axis_location", "temperature"])
+def test_what_has_gone_back_by_a_size_that_no_night_says_is_not_left_whole(cause: str) -> None:
+    """It said that 20 µm of 20 µm is left."""
+    alarm = knock("2026-11-02") | {"night": "2026-11-02", "cause": cause, "parameter": cause, "total": None, "decision": None}
+    alarm |= {"now": say("night.alarms.gone_again_left", told="0.1 µm")}
+    (told,) = faults(night("M", 10, "changed", standing=[alarm]), [alarm], {}, Units(), texts())
+    assert told["gone"] and "is left" not in told["text"]
+    assert "It has gone back since." in told["text"] or "about as warm as before." in told["text"]

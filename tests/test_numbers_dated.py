@@ -24,7 +24,7 @@ from tango_cnc.nightly.words import headline
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
 from tango_cnc.report.days import day
-from tango_cnc.report.faults import faults
+from tango_cnc.report.faults import answered, faults
 from tango_cnc.report.morning import next_night
 from tango_cnc.report.pdf import TONES
 from tango_cnc.report.reach import or_else, to_ask
@@ -96,6 +96,21 @@ def test_who_was_asked_first_and_when_stands_before_who_is_called_next() -> None
     again = to_ask({"owner": "Roy, 4711", "deputy": "Berg"}, [first | {"owner": "Roy, 4711"}], t)
     assert again == "Call Roy, 4711 again, asked on Tue 17 Nov 2026 without an answer. Then call Berg."
     assert or_else("Roy", 12, "Berg", t) == "Next: call Berg." and or_else("Roy", 0, "Berg", t) == "Else call Berg."
+
+
+def test_who_has_not_answered_for_days_is_not_called_first_about_what_is_of_this_morning() -> None:
+    """One date: since when nobody has answered, and when who is called next was asked first."""
+    t, own = texts(), {"owner": "Ann, 4711", "deputy": "Bob, 4712"}
+    older = knock("2026-11-05") | {"night": "2026-11-05", "owner": own["owner"], "parameter": "EY0C"}
+    tonight = knock("2026-11-17") | {"owner": own["owner"], "size": 0.06, "on_part_um": 60.0}
+    record = night(M, 24, "changed", alarms=[tonight], standing=[older], **own)
+    found = faults(record, (), {}, Units(), t)
+    assert [a["night"] for a in found] == ["2026-11-17", "2026-11-05"]
+    wanted = "Call Bob, 4712: Ann, 4711 was asked first, on Thu 5 Nov 2026, and has not answered."
+    assert [*(a["who"] for a in found), to_ask(own, found, t)] == [wanted] * 3
+    assert answered(found, record)[0] == found[0]["asked"] == "2026-11-05"
+    other = faults(record | {"standing": [older | {"owner": "Eve, 4719"}]}, (), {}, Units(), t)
+    assert "asked this morning" in next(a["who"] for a in other if a["owner"] == own["owner"])
 
 
 def test_no_page_sends_its_reader_to_himself() -> None:

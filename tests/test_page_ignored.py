@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.alarms import lasting
-from support.nights import M, night
+from support.nights import NOTHING, M, night
+from support.pages import read
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -17,6 +19,7 @@ from starlette.testclient import TestClient
 from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
+from tango_cnc.report.days import day
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -103,3 +106,30 @@ def test_a_change_that_went_back_last_night_and_is_ignored_is_no_reason_to_measu
     assert told["suspect"].endswith("and Sun 1 Nov 2026, the first night without it again.")
     asked = context(night(M, 8, "changed", alarms=[back], standing=[knock]), (), None, texts())
     assert asked["answer"].may == "but" and FIRST in asked["todo"]
+
+
+@pytest.mark.few(0)
+def test_who_let_an_alarm_be_until_a_day_has_answered_it_until_then(tmp_path: Path) -> None:
+    """ "Nobody has answered since Thu 5 Nov": somebody had, on the 23rd, until the 26th."""
+    large = lasting(2, 30.0, do=LARGE_DO)
+    place = cell(tmp_path / "one", records=[night(M, 2, "changed", alarms=[large]), night(M, 8, "changed", standing=[large])])
+    with opened(place / "history.db") as history:
+        history.decide(M, replace(decided(large, until="2026-10-30"), utc="2026-10-27T10:00:00Z"))
+    text = read(place, f"/machine/{M}")
+    assert (
+        "nobody has answered since Sat 31 Oct 2026" in text
+        and "asked on Sat 31 Oct 2026" in text
+        and "on Mon 26 Oct 2026, not" not in text
+    )
+
+
+def test_the_order_about_what_is_open_stands_after_a_check_that_failed_and_has_its_own_date_in_the_list(tmp_path: Path) -> None:
+    """ "The stylus has moved by 6.1 µm, since Fri 27 Nov": since then nothing was measured; and nobody was asked to look at it."""
+    t, before = texts(), night(M, 8, "changed", alarms=[lasting(8, 30.0, do=LARGE_DO)])
+    failed = [{"check": "control", "passed": False, "found": "the port does not open. Is it on?", "do": "Switch it on."}]
+    records = [before, *(night(M, i, "not_measured", preflight=failed, **NOTHING) for i in (9, 10))]
+    told = context(records[-1], (), None, t, waiting=before["alarms"], before=before)
+    assert told["todo"].index("Switch it on.") < next(i for i, x in enumerate(told["todo"]) if LARGE_DO in x)
+    assert "(the port does not open)." in told["answer"].why  # the rest of it stands below
+    listed = read(cell(tmp_path / "one", records=records), "/")
+    assert f"has moved along Y by +30 µm, since {day(before['night'], t)}." in listed.partition("Largest error")[0]

@@ -19,10 +19,12 @@ from tango_cnc.cli import tango
 from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
-from tango_cnc.nightly.standing import standing
+from tango_cnc.nightly.lengths import as_seen_last
+from tango_cnc.nightly.standing import by_urgency, standing
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
+from tango_cnc.report.tonight import by_tonight
 from tango_cnc.report.units import Units
 from tango_cnc.texts import joined, say
 from tango_cnc.web.app import create
@@ -172,3 +174,32 @@ def test_every_page_has_the_temperature_of_an_older_alarm_in_the_past(tmp_path: 
         for path in ("/", "/alarms", f"/machine/{M}", f"/machine/{M}/trend"):
             text = client.get(path).text.partition("Nights</h2>")[0]
             assert PAST in text and "The machine is 6.1 K" not in text, path
+
+
+def test_what_has_gone_again_stands_behind_what_is_there_and_a_stylus_that_may_be_an_axis_is_on_parts() -> None:
+    """For a week the page began with a warm night that had gone again, and gave no order about the 21 µm that were there; "No
+    others" stood above the 36 µm that parts may have.
+    """
+    t, date = texts(), night(M, 9)["night"]
+    heat = warm(2, 90.0) | {"now": say("night.alarms.gone_again_left", told="0.5 µm"), "total": 0.0005}
+    axis = say("part.pivot_since", axis="A", effect="36 µm", since=date, angle=120)
+    stylus = alarm(6, 36.0, cause="stylus", parameter="stylus", do="Look at the stylus.", on_part=axis, total=None)
+    record = night(M, 9, "changed", standing=[heat, stylus])
+    page = context(record, (), None, t, machine=None)
+    assert [a["id"] for a in (page["first"], *page["also"])] == [stylus["id"], heat["id"]]
+    assert "Look at the stylus." in page["todo"] and page["todo"][0] == "Measure the first part before you go on."
+    assert page["suspect"].startswith("All that were made since") and "No others" not in page["suspect"]
+    alone = stylus | {"on_part": "Parts are not affected."}
+    assert "No others" in context(night(M, 9, "changed", standing=[alone]), (), None, t)["suspect"]
+    assert [a["id"] for a in by_urgency([heat, stylus])] == [stylus["id"], heat["id"]]
+
+
+def test_a_night_that_measured_nothing_keeps_the_length_that_the_last_one_has_seen() -> None:
+    """The message of the night before said 21.0 µm and 36 µm on a part, that of the night after it 6.1 µm and 10.6 µm."""
+    old = alarm(6, 6.1, cause="stylus", parameter="stylus", total=None)
+    seen = old | {"now": say("night.alarms.now", told="21.0 ± 1.0 µm"), "total": 0.021}
+    records = [night(M, 9, "not_measured"), night(M, 8, "changed", standing=[seen])]
+    (told,) = as_seen_last([old], records)
+    assert told["total"] == 0.021 and told["now"] == f"it was 21.0 ± 1.0 µm in the night ending {records[1]['night']}"
+    assert by_tonight(told)["on_part_um"] == pytest.approx(2 * 21.0)
+    assert as_seen_last([old], records[:1]) == [old] and as_seen_last([old | {"cause": "table"}], [])[0]["total"] is None

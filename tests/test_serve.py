@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import re
 import socket
@@ -197,6 +198,14 @@ def test_a_run_after_the_newest_night_without_a_report_is_named_beside_its_answe
             text = " ".join(site.get(f"/machine/HU40T-like{path}").text.split())
             assert ("A run has measured this machine since that night (Mon 23 Nov 2026" in text) == (not reported), path
             assert ("tango report -C one" in text) == (not reported), path
+        text = " ".join(site.get("/").text.split())
+        for wanted in ("A run has measured this machine since that night (Mon 23 Nov 2026", "a run since then has no report"):
+            assert (wanted in text) == (not reported), wanted
+    for words in (("nightly", "-C", str(folder), "--status"), ("fleet", str(folder))):
+        found = CliRunner().invoke(tango, [*words], catch_exceptions=False)
+        assert ("no report is written of it" in " ".join(found.output.split())) == (not reported), words
+        told = json.loads(CliRunner().invoke(tango, [*words, "--json", "-"], catch_exceptions=False).output)
+        assert bool(told.get("machines", [told])[0]["run_without_report"]) == (not reported)
 
 
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
@@ -328,6 +337,9 @@ def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:
 
 
 def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folder: Path) -> None:
+    never = site.get("/machine/HU40T-like/report").text  # nothing that a report could be made of
+    assert "no whole run has measured this machine. Have it measured." in never and "tango report" not in never
+    (folder / "readings.csv").write_text("", encoding="utf-8")
     assert "tango report -C hu40t" in site.get("/machine/HU40T-like/report").text
     (folder / "report.html").write_text("<p>mine</p>", encoding="utf-8")
     answer = site.get("/machine/HU40T-like/report/alone")

@@ -8,10 +8,11 @@ import socket
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from support import postgres
 from support.nights import hit, into
 from support.pages import site_of
@@ -19,8 +20,10 @@ from support.server import BAD, GOOD, PASSWORD, asks, cell
 
 pytest.importorskip("psycopg")
 
+from tango_cnc.cli import tango
 from tango_cnc.history import opened
 from tango_cnc.records import LinkError
+from tango_cnc.web.remembered import FRESH
 from tango_cnc.web.users import add_user
 
 FIRST, NEXT = 6.0, 1.5  # s: the look that finds it out, and every other one
@@ -64,6 +67,29 @@ def test_a_server_that_takes_the_connection_and_is_silent(tmp_path: Path, silent
         shows(site, NEXT)
 
 
+@pytest.mark.few(0)
+def test_many_databases_that_are_silent_hold_a_page_no_longer_than_one(
+    tmp_path: Path, silent: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were asked one after the other: ten of them held the list for fifty seconds."""
+    monkeypatch.setattr("tango_cnc.web.places.PATIENCE", 1.0)
+    every = [asks(cell(tmp_path / f"bad{i}", f"{BAD} {i}", []), f"history: {silent}{i}\n") for i in range(8)]
+    with site_of(asks(cell(tmp_path / "good", GOOD, hit(GOOD))), *every) as site:
+        text, took = timed(site, "/")
+        assert took < 5.0 and text.count("Have the database with the history looked at") == 8 and f'href="/machine/{GOOD}"' in text
+
+
+def test_the_list_in_a_terminal_asks_them_at_once_too(tmp_path: Path, silent: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tango_cnc.history._database.PATIENT", 1.0)
+    monkeypatch.setattr("tango_cnc.history._database.SILENT", 2.0)
+    every = [str(asks(cell(tmp_path / f"bad{i}", f"{BAD} {i}", []), f"history: {silent}{i}\n")) for i in range(8)]
+    good = str(asks(cell(tmp_path / "good", GOOD, hit(GOOD))))
+    began = time.monotonic()
+    found = CliRunner().invoke(tango, ["fleet", good, *every], catch_exceptions=False)
+    assert time.monotonic() - began < 6.0
+    assert found.output.count("not in the list, as it cannot be read") == 8 and GOOD in found.output
+
+
 @contextmanager
 def locked(url: str) -> Iterator[None]:
     """Somebody has the tables for himself."""
@@ -86,11 +112,13 @@ def stopped(url: str) -> Iterator[None]:
     every = [head, *map(int, own)]
     try:
         for pid in every:
-            os.kill(pid, signal.SIGSTOP)
+            with suppress(ProcessLookupError):  # what served a connection that was closed has ended
+                os.kill(pid, signal.SIGSTOP)
         yield
     finally:
         for pid in every:
-            os.kill(pid, signal.SIGCONT)
+            with suppress(ProcessLookupError):  # what served a connection that was closed has ended
+                os.kill(pid, signal.SIGCONT)
 
 
 @pytest.mark.long
@@ -123,3 +151,22 @@ def test_a_database_that_falls_silent_while_pages_are_shown(tmp_path: Path, sile
                 assert time.monotonic() - began < 30
                 time.sleep(0.5)
             assert "new clamp" not in site.get("/alarms").text
+
+
+@pytest.mark.long
+@pytest.mark.system("pg_lsclusters")
+def test_ten_databases_that_stop_while_pages_are_shown_hold_a_page_as_long_as_one(tmp_path: Path) -> None:
+    places = [cell(tmp_path / "good", GOOD, hit(GOOD))]
+    with postgres.server() as server:
+        for i in range(10):
+            url = postgres.database(server)
+            with opened(url) as history:
+                into(history, hit(f"{BAD} {i}"))
+            places.append(asks(cell(tmp_path / f"bad{i}", f"{BAD} {i}", []), f"history: {url}\n"))
+        with site_of(*places) as site:
+            assert "cannot be read" not in site.get("/").text
+            with stopped(url):
+                time.sleep(FRESH + 0.5)
+                text, took = timed(site, "/")
+                assert took < 2 * FIRST and text.count("Have the database with the history looked at") == 10, took
+                assert timed(site, "/")[1] < NEXT

@@ -7,9 +7,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..link.progress import run_by_day
 from ..records import Machine
 from ..report.answer import Answer, by_newer
-from ..report.newer import NewerAnswer
+from ..report.newer import NewerAnswer, has_no_report
 from ..report.texts import Texts
 from ..report.units import Units
 from ..texts import unstopped
@@ -32,6 +33,12 @@ def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswe
         return None
     told = found.answer(u, t, axes)
     return told if newer is None else by_newer(told, newer, u, t, axes, found.before or found.record)
+
+
+def run_without_report(folder: Path, record: Mapping[str, Any]) -> str:
+    """cell, record of its newest night → when a newer complete run of it began (UTC) without a report; '' for none."""
+    run = run_by_day(folder)
+    return "" if run is None or not has_no_report(folder, *run, record) else run[0]
 
 
 def in_short(told: Answer) -> Sequence[str]:

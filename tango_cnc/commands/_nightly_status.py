@@ -30,11 +30,11 @@ from ..report.morning import next_night
 from ..report.newer import NewerAnswer, newer_answer
 from ..report.repeated import as_found, shortened, stories
 from ..report.texts import Texts, code
-from ..report.tonight import by_now, by_tonight, is_over, is_unsure
+from ..report.tonight import by_now, by_tonight, is_over, is_unsure, only_set_up
 from ..report.words import of_its_night
 from ..state.changes import change
 from ..texts import say
-from ._answered import answer_now
+from ._answered import answer_now, run_without_report
 from ._common import fitted, on_terminal, table, write_json
 from ._handed import whole
 from ._shop import ENDED, headlines, looked_at, note_simulated
@@ -65,6 +65,7 @@ class Status:
     newer: NewerAnswer | None = None  # the answer of a report of readings after the newest night
     unsure: bool = False  # whether nobody knows if the last night that measured was within its limits
     told: Answer | None = None  # the answer of its page, where that was asked for
+    ran: str = ""  # when a run after the newest night began of which no report was written (UTC)
 
     @property
     def late(self) -> bool:
@@ -105,6 +106,7 @@ class Status:
             "measuring_minutes_left": self.left,
             "newer_no": self.by_newer("no"),
             "newer_but": self.by_newer("but"),
+            "run_without_report": self.ran or None,
             "newer_beside": (self.told.beside if self.told is not None else "") or None,
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
@@ -152,7 +154,9 @@ def status(
     if not write_json(json_file, found.as_json()):
         first, *lines = _lines(found, folder, where, t)
         told = _answer(folder, found, t)
-        for line in (first, *([f"  {told}"] if told else []), *lines):
+        ran = t("web.ran_since", date=at(found.ran, t)) if found.ran and found.left is None else ""
+        do = t("web.ran_since_do")
+        for line in (first, *([f"  {told}"] if told else []), *([f"  {ran} {do}"] if ran else []), *lines):
             click.echo(fitted(whole(line)))
     return int(found.wants_somebody)
 
@@ -210,6 +214,7 @@ def _read(
         minutes_left(folder, time.time()),
         newer_answer(folder, record.get("end_utc")),
         is_unsure(before) if nights else False,
+        ran=run_without_report(folder, record),
     )
 
 
@@ -236,7 +241,8 @@ def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
         return {**a, **{key: one[key] for key in ("text", "now", "total")}, **by_tonight(one)}
 
     def place(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-        return change(a.get("cause")).of_the_probe, is_over(a), -abs(a.get("on_part_um") or 0.0)
+        probe = only_set_up(a) and change(a.get("cause")).of_the_probe
+        return is_over(a), probe, -abs(a.get("on_part_um") or 0.0)
 
     return sorted(map(told, alarms), key=place)
 

@@ -15,6 +15,7 @@ from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import Origin, check_values, look_up, origin_file
+from ..iso230 import columns
 from ..iso230.signed import Sheet, signed
 from ..judging import judged, rows_alone, said_of_origin
 from ..nc import features
@@ -68,7 +69,9 @@ def command(
     result, judgement = judged(cell, readings, items, source=source, run=origin.origin)
     budget = budget_of(folder, result)
     differences = any(RELATIVE in name for name in wanted.limits)
-    sheet = signed(result, wanted.tool_length, thermal_of(folder), budget=budget, differences=differences)
+    thermal = thermal_of(folder)
+    warm = columns.said(readings.temperatures, thermal)
+    sheet = signed(result, wanted.tool_length, thermal, budget=budget, differences=differences)
     by_terms = judgement
     judgement = by_figures(judgement, rows_alone(cell, readings, source, origin.origin), sheet)
     found = made(
@@ -76,7 +79,7 @@ def command(
         _with_further(wanted, sheet, result, cell),
         judgement,
         cell,
-        replace(_source(source, origin.simulated, readings.status), older=_older(folder, source)),
+        _source(source, origin.simulated, readings.status, _older(folder, source), warm),
         () if budget is None else absent(budget.named),
         origin.files,
         __version__,
@@ -90,6 +93,7 @@ def command(
             said(text)
     if not write_json(json_file, page.as_json(found) | members(judgement)):
         lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<<>>>>><<")]
+        lines += [f"note: {text}" for text in warm]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
         lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and r.why != found.stands]
         lines += [f"missing for ISO/IEC 17025: {c}" + (f": {found.lacks[c]}" if c in found.lacks else "") for c in found.missing]
@@ -116,8 +120,10 @@ def _with_further(order: Order, sheet: Sheet, result: Estimate, cell: Cell) -> S
     return replace(sheet, figures=(*sheet.figures, *more, *of_part(wanted, setup, known, labels, sheet)))
 
 
-def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
-    """readings.csv, whether a simulated control made them, status of every touch → where they come from."""
+def _source(readings: Path, simulated: bool, status: tuple[str, ...], older: str, warm: tuple[str, ...]) -> Source:
+    """readings.csv, whether a simulated control made them, status of every touch, a compensation that they do not contain, what
+    their temperatures contradict → where they come from.
+    """
     origin = look_up(readings)
     known = origin.known
     run = known.get("run", {})
@@ -127,7 +133,7 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
     text += "".join(f"; {key.replace('_', ' ')} {run[key]}" for key in ("start_utc", "end_utc", "program_hash") if run.get(key))
     left = sum(s != "ok" for s in status)
     remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
-    return Source(doubt, (moments[0], moments[-1]) if moments else None, text, remarks)
+    return Source(doubt, (moments[0], moments[-1]) if moments else None, text, (*remarks, *warm), older)
 
 
 def _doubt(origin: Origin, simulated: bool) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,13 @@ from ..files import artefact_text, machine_text, read_cell, read_readings, strat
 from ..files.checked import load
 from ..files.origin import current
 from ..files.write import dump
+from ..iso230 import columns
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
 from ._beside import beside, stated
 from ._common import Output, cell_option, json_option, table, write_json
 from ._handed import pasted
+from .iso230 import thermal_of
 
 PLACE = "Understand 60"  # in the list of commands
 UNITS = {"duration": " (s)", "tau": " (s)", "temperature": " (K)", "per_kelvin": " (µm/K)", "per_kelvin_std": " (µm/K)"}
@@ -78,7 +80,9 @@ def command(
         _write_cell(cell, kind, CapabilitySettings(tuple(f for f in facets.split(",") if f), repetitions), target)
         return
     readings = read_readings(current(folder, file), cell.machine, cell.artefact)
-    touches = from_readings(cell.machine, cell.artefact, readings)
+    doubts = columns.doubted(readings.temperatures, thermal_of(folder)) if kind == "etve" else ()
+    left = {n: t for n, t in readings.temperatures.items() if n not in {c.sensor for c in doubts}}
+    touches = from_readings(cell.machine, cell.artefact, replace(readings, temperatures=left))
     results = _analyse(kind, touches, window, block, last)
     verdicts = {}
     if after is not None:
@@ -93,6 +97,7 @@ def command(
         "touches": len(touches),
         "results": {key: _plain(value) for key, value in results.items()},
         "changed": verdicts,
+        "sensors_doubted": [c.text for c in doubts],
         "budget": lines,
         "world": ({} if noise is None else {"noise": noise}) | {"effects": effects},
     }
@@ -102,6 +107,8 @@ def command(
         _merge(world, "effects", "cause", effects, {} if noise is None else {"noise": noise})
     if not write_json(json_file, data):
         click.echo(_text(kind, results))
+        for c in doubts:
+            click.echo(f"{c.text}: it takes no part. Write the column in °C")
         for name, word in verdicts.items():
             click.echo(f"{name.replace('_', ' ')} after the calibration: {word}")
         said = "; ".join(", ".join(f"{k} {v:.5g}" if isinstance(v, float) else f"{v}" for k, v in line.items()) for line in lines)

@@ -21,6 +21,7 @@ from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
 from ..files.learned import FOLDER, learned, learned_text
 from ..files.origin import current
+from ..iso230 import columns
 from ..judging import judged
 from ..records import InputError, Readings
 from ..report.pictures import needed
@@ -29,6 +30,7 @@ from ._common import Output, ahead, cell_option, json_option, write_json
 from ._handed import printed
 from ._progress import Progress
 from ._trust import despite_option, members, status, told
+from .iso230 import thermal_of
 
 PLACE = "Understand 30"  # in the list of commands
 
@@ -107,7 +109,7 @@ def command(
     cell = read_cell(folder)
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
-    for text in _unused(readings, source):
+    for text in (*_unused(readings, source), *columns.said(readings.temperatures, thermal_of(folder))):
         printed(text, err=True)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     _, judgement = judged(cell, readings, items, source=source)

@@ -18,6 +18,7 @@ from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..files.checked import resumed
 from ..files.origin import current
 from ..identify import never_seen, summary
+from ..iso230 import columns
 from ..iso230.also import said_also
 from ..iso230.signed import withheld_and_also
 from ..judgement import Judgement
@@ -34,6 +35,7 @@ from ._common import ahead, cell_option, json_option, table, write_json
 from ._handed import pasted, printed
 from ._stylus import alike_said
 from ._trust import despite_option, members, status, told
+from .iso230 import thermal_of
 
 PLACE = "Understand 10"  # in the list of commands
 LEFT_OUT = ("single_touches", "copied_positions")  # mistakes that --exclude-outliers mends where there is no fit
@@ -108,13 +110,16 @@ def command(
     data["relative"] = list(_scales.relative(result))
     data["scale_bar_not_used"] = bar = bar_left_out(cell.artefact, result.model.touches.facet)
     alike = alike_said(result, items, degree)
+    data["temperature_notes"] = warm = list(columns.said(readings.temperatures, thermal_of(folder)))
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
         scales = [text] if (text := _scales.said(folder, result)) else []
         sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement, _scales.relative(result))]
         printed(
-            "\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *filter(None, (bar, alike)), *sound])
+            "\n".join(
+                [*told(judgement), as_text(result, figures), *said_also(also), *scales, *warm, *filter(None, (bar, alike)), *sound]
+            )
         )
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)

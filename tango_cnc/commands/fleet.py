@@ -6,6 +6,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -23,7 +24,7 @@ from ..report.newer import newer_answer
 from ..report.repeated import as_found, on_another_day
 from ..report.tonight import is_unsure, sized
 from ..texts import instead, joined, say, unstopped
-from ._answered import answer_now, in_short, unanswered
+from ._answered import answer_now, in_short, run_without_report, unanswered
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
+AT_ONCE = 64  # servers with a history that are asked at the same time
 NIGHTS = 14  # of the sparkline of the tool tip
 
 
@@ -63,7 +65,7 @@ class _Row:
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
     told: Answer | None = None  # the answer of its page, where the verdict of its newest night is not all of it
-
+    ran: str = ""  # when a run after its newest night began of which no report was written (UTC)
     unsure: bool = False  # whether nobody knows if the last night that measured was within its limits
     unanswered: int | None = None  # causes without an answer, as pages count them, where that may be less than its alarms
 
@@ -144,7 +146,11 @@ def _rows(
 
     found: list[_Row] = []
     now = datetime.now(UTC).isoformat()
+    off = _not_answering([place for place in places if isinstance(place, str)]) if cells > 1 else {}
     for place, known in places.items():
+        if place in off:
+            trouble |= {str(c.folder): off[place] for c in known}
+            continue
         if cells > 1 and isinstance(place, Path) and not place.exists():
             found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
             continue
@@ -165,6 +171,22 @@ def _rows(
         for row in found
     ]
     return sorted(found, key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
+
+
+def _not_answering(servers: Sequence[str]) -> dict[str | Path, str]:
+    """URLs of histories → those that cannot be read, and why: all are asked at once, as one that is silent takes two minutes."""
+    from ..history import opened
+
+    def ask(where: str) -> str:
+        try:
+            with opened(where, create=False) as history:
+                history.machines()
+        except TangoError as error:
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(AT_ONCE) as threads:
+        return {where: why for where, why in zip(servers, threads.map(ask, servers), strict=True) if why}
 
 
 def _of_history(
@@ -204,6 +226,7 @@ def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known |
         with suppress(TangoError):
             page = answer_now(cell.folder, cell.axes, place, newer, texts())
     more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
+    more["ran"] = "" if folder is None else run_without_report(folder, record)
     more["unsure"] = bool(nights) and is_unsure(_before(history, nights) or record)
     if s.alarms_open > 1:  # of two of one cause pages have one
         axes = None if cell is None else cell.axes
@@ -227,6 +250,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "measuring_minutes_left": row.left,
             "newer_no": row.by_newer("no"),
             "newer_but": row.by_newer("but"),
+            "run_without_report": row.ran or None,
             "newer_beside": (row.told.beside if row.told is not None else "") or None,
         }
         for row in found
@@ -237,6 +261,7 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
     """lines, texts → the table that is printed, its heads first."""
     from ..report.age import night_of_stamp
     from ..report.characters import sparkline
+    from ..report.days import at
     from ..report.texts import code
 
     heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
@@ -255,11 +280,12 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         known = () if row.told is None else in_short(row.told) if by_page else (unstopped(row.told.beside),)
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
+        ran = unstopped(t("web.ran_since", date=at(row.ran, t))) if row.ran and row.left is None else ""
         how = {} if row.cell is None else ended(row.cell, row.cut_off)
         keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
         cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
         count = s.alarms_open if row.unanswered is None else row.unanswered
-        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, row.said) if x])])
+        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, ran, row.said) if x])])
     return rows
 
 

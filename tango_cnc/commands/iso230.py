@@ -12,6 +12,7 @@ from .. import iso230
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..iso230 import columns
 from ..iso230.seen import WORTH
 from ..iso230.signed import Sheet, signed
 from ..iso230.temperature import ASSUMED, Known, Thermal, read_thermal, scale, state_of
@@ -71,8 +72,12 @@ def command(
             printed("\n".join([*told(judgement), f"temperature of scales: {state}", _fitted_text(result, longer)]))
         return status(judgement, despite)
     sheet = signed(result, tool_length, thermal, not as_found, budget_of(folder, result))
-    if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result, longer)}):
-        printed("\n".join([*told(judgement), *sheet_text(sheet)]))
+    warm = columns.said(readings.temperatures, thermal_of(folder))
+    if not write_json(
+        json_file,
+        sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result, longer), "temperature_notes": list(warm)},
+    ):
+        printed("\n".join([*told(judgement), *warm, *sheet_text(sheet)]))
         if judgement.verdict == "trustworthy" and file is None:
             ahead(folder, "compensate --list", "report")
     return status(judgement, despite)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..records import TangoError
-from .entries import Again, End, Entry, ProgramSent, Reading, RefusedRecord, StartMark
+from .entries import Again, End, Entry, ProgramSent, Reading, RefusedRecord, StartMark, by_no_machine
 from .journal import read_on
 from .lock import JOURNAL, at_work, begun, newest_run
 
@@ -62,6 +62,19 @@ def progress(entries: Sequence[Entry]) -> Progress:
     pace = _pace(entries) or _expected(sent)
     remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
     return Progress(state, why, wanted, done, seconds, remaining)
+
+
+def run_by_day(folder: Path) -> tuple[str, float, bool] | None:
+    """cell → when its newest complete run outside the nights began (UTC) and ended (s since 1970), whether no machine was measured
+    by it; None where its last `LOOKED` journals have none, or none can be read.
+    """
+    for file in journals(folder)[:LOOKED]:
+        with suppress(TangoError, OSError):
+            entries = read_on(file).entries if file.parent == folder else []
+            sent = [e for e in entries if isinstance(e, ProgramSent)]
+            if sent and progress(entries).state == "complete":
+                return sent[0].utc, file.stat().st_mtime, any(by_no_machine(e) for e in sent)
+    return None
 
 
 def newest_complete(folder: Path) -> str:

@@ -50,7 +50,7 @@ from .drift import Drift, as_alarm
 from .goes_on import anew, going_on
 from .lag import Lag, lagging
 from .lag import sentence as lag_told
-from .lengths import with_total
+from .lengths import as_seen_last, with_total
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .scatter import scatter_on, with_scatter
@@ -289,6 +289,8 @@ class Nights(BeforeNight):
         if trusted:
             waiting = [looking_ahead(known, a, u.recent, u.after, place.limits, place.gone) for a in waiting]
             waiting = with_total(past, machine, known, u.after, waiting, kind)
+        else:
+            waiting = as_seen_last(waiting, u.recent)
         residual = parts.residual(u.what, u.after, u.tonight) if trusted else None
         waiting = with_scatter(past, machine, waiting, residual)
         silent = with_scatter(past, machine, unheard(past, machine, day, found, kind), residual, silent=True)

@@ -66,7 +66,9 @@ class Given:
         """alarm of the first night after that → the same, saying so, and who decides."""
         key = "compensation_taken_out" if self.taken_out else "compensation_given"
         words = {"number": self.number, "target": self.target, "date": self.date}
-        text, part = say(f"changed.after_{key}", text=alarm["text"], **words), say(f"part.{key}", number=self.number)
+        unknown = isinstance(alarm["text"], Said) and alarm["text"].key == "changed.unknown"
+        first = say("changed.several") if unknown else alarm["text"]  # its cause is what was written or taken out
+        text, part = say(f"changed.after_{key}", text=first, **words), say(f"part.{key}", number=self.number)
         told = {"text": text, "do": say(f"night.{key}_do", **words), "on_part": part, "on_part_um": None}
         return alarm | told | {"compensation": {"number": self.number, "taken_out": self.taken_out}}
 

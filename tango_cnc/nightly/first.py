@@ -7,7 +7,7 @@ from typing import Any
 
 from ..report.answer import PARTS, of_moving
 from ..report.texts import Texts
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, only_set_up
 from ..state.changes import change
 
 
@@ -29,11 +29,13 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
     if record.get("stale_nights") or record["status"] == "refused":
         return []
     known = record.get("last_verdict") if verdict == "not_measured" else verdict  # nothing has said otherwise since
+    if verdict == "not_measured" and not (record.get("last_measured") or record.get("unread")):
+        return [f"{t('may.ask')} {t('may.unknown')}. {t('may.brief_never')}"]
     if known in ("out_of_limits", "doubtful"):
         return [t("may.brief_no")]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
         return []
     alarms = (*record["alarms"], *(record.get("standing") or ()))
-    probe = verdict == "changed" and bool(alarms) and all(change(c := a.get("cause")).of_the_probe or c == "ball" for a in alarms)
+    probe = verdict == "changed" and bool(alarms) and all(map(only_set_up, alarms))
     scatters = any(change(a.get("cause")).scatters and not is_gone(a.get("now") or "") for a in alarms)
     return [t(PARTS["_probe" if probe else "_beside" if scatters else ""])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .lengths import as_seen_last
 from .ports import Ports
 from .scatter import with_scatter
 from .sensors import celsius_of
@@ -25,5 +26,6 @@ def as_known_last(world: Ports, machine: str, day: float, night: str) -> tuple[l
     silent = with_scatter(world.past, machine, silent, None, silent=True)
     recent = world.past.records(machine, LOOKED)
     last = next((celsius for r in recent if (celsius := celsius_of(r)) is not None), None)
+    waiting = as_seen_last(waiting, recent)
     waiting, silent = (as_warm_as(of, last, False, night, recent) for of in (waiting, silent))
     return by_urgency(waiting), silent

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..report.tonight import LENGTHS
+from ..report.tonight import LENGTHS, NOW, WAS
 from ..state import State
-from ..texts import say
+from ..texts import Said, say
 from .alarms import FARTHEST, Known
 from .goes_on import newest_of
 from .moved import Moved, moved
@@ -45,6 +45,24 @@ def _with_total(
     total, std = _length(m)
     told = value(total, m.unit, std, signed=False) if total <= FARTHEST else say("night.alarms.farther", size=f"{FARTHEST:g}")
     return alarm | {"total": total, "now": still(float(alarm["size"]), total, std, told, confirmed=kind == "full")}
+
+
+def as_seen_last(alarms: Sequence[dict[str, Any]], recent: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """alarms of other nights, records newest first → the same; those of a length with how far the last night that is believed has
+    seen them, for a night that knows nothing itself.
+    """
+    last = next((r for r in recent if r.get("verdict") not in ("not_measured", "doubtful")), {})
+    seen = {str(a["id"]): a for a in last.get("standing") or ()}
+    return [_as_seen(a, seen.get(str(a["id"])), str(last.get("night"))) for a in alarms]
+
+
+def _as_seen(a: dict[str, Any], seen: Mapping[str, Any] | None, night: str) -> dict[str, Any]:
+    if a["cause"] not in LENGTHS or a.get("ended") or a.get("now") or seen is None or seen.get("total") is None:
+        return a
+    now = seen.get("now")
+    if isinstance(now, Said) and now.key in NOW:
+        now = say(WAS, told=now.values["told"], night=night)
+    return a | {"now": now, "total": seen["total"]}
 
 
 def _length(m: Moved) -> tuple[float, float]:

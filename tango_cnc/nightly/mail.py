@@ -14,7 +14,7 @@ from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night, stories
 from ..report.right import by_its_whole, without_full
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
+from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, only_set_up, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say, unstopped
@@ -321,7 +321,7 @@ def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t:
     """
     since = str(cause.get("since") or "")
     at_once = night and since and not any(cause.get(key) for key in ("undoes", "rate_per_day", "goes_on"))
-    of_machine = not change(cause.get("cause")).of_the_probe and cause.get("cause") not in WARMED
+    of_machine = not only_set_up(cause) and cause.get("cause") not in WARMED
     if not at_once or not of_machine or record["verdict"] != "changed":
         return ""
     return t("morning.suspect", date=since)

@@ -11,7 +11,7 @@ import numpy as np
 from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone, is_over, is_unseen, shows
+from ..report.tonight import is_gone, is_over, is_unseen, only_set_up, shows
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -193,13 +193,14 @@ def since_full(alarm: Mapping[str, Any], full: str) -> dict[str, str]:
 
 
 def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, bool, bool, float]:
-    """alarm of another night → its place: unanswered ones first, then by what they do to a part as far as they stand now; what has
-    gone back after what stands, and its way back after it.
+    """alarm of another night → its place: what has gone back after what stands, and its way back after it; unanswered ones first,
+    then by what they do to a part as far as they stand now.
     """
     grown = abs(alarm["total"] / alarm["size"]) if alarm["total"] is not None and alarm["size"] else 1.0
     answered = alarm["decision"] is not None
     over = is_over(alarm), bool(alarm.get("undoes"))
-    return answered, change(alarm["cause"]).of_the_probe, *over, -abs(alarm["on_part_um"] or 0.0) * grown
+    probe = only_set_up(alarm) and change(alarm["cause"]).of_the_probe
+    return *over, answered, probe, -abs(alarm["on_part_um"] or 0.0) * grown
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..report.suspects import as_limited, last_within, never_within, suspected
-from ..report.tonight import is_over
-from ..state.changes import change
+from ..report.tonight import is_over, only_set_up
 from ..texts import say
 from .dates import LISTED
 from .ports import Past
@@ -58,6 +57,6 @@ def _date(past: Past, date: str, entries: Mapping[str, int | None]) -> str:
 def _began(record: Mapping[str, Any], known: Mapping[str, Any]) -> str:
     """record of tonight, of the last night that measured → date of the last night before anything of the machine that is open."""
     alarms = [a for key in ("alarms", "standing", "unheard") for a in record.get(key) or ()]
-    of_machine = [a for a in alarms if not (change(a.get("cause")).of_the_probe or a.get("cause") == "ball" or is_over(a))]
+    of_machine = [a for a in alarms if not (only_set_up(a) or is_over(a))]
     dates = [str(a["since"]) for a in (*of_machine, *(known.get("behind") or ())) if a.get("since")]
     return min(dates, default="")

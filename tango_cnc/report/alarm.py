@@ -12,6 +12,7 @@ from .plain import office, plain, shop
 from .reach import of_two, or_else
 from .repeated import before_repair
 from .texts import Texts, texts
+from .tonight import only_set_up
 from .units import Units
 from .words import named, spoken
 
@@ -39,6 +40,7 @@ def alarm(
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     told = {**a, "night": found or str(a.get("night") or "")}  # what stands behind a limit has no id
     asks = str(record.get("deputy") or ""), str(record.get("owner") or "")
+    waits = str(a.get("asked_again") or asked)  # since when an answer is missing
     part = _part(told, u, t)
     return {
         **a,
@@ -50,6 +52,7 @@ def alarm(
         "first": found,  # date of the first night on which it was seen
         "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
         "cause_key": str(a.get("cause") or ""),
+        "set_up": only_set_up(a),
         "begun": str(a.get("since") or ""),
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
         "on_part": sentence(plain(part, u, t, machine), Units()),
@@ -60,8 +63,9 @@ def alarm(
         "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and not record.get("deputy") and decision is None,
-        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, *asks),
-        "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
+        "who": _who(owner, decision, waits, today or str(record.get("night") or ""), t, *asks),
+        "silent": days_between(waits, today or str(record.get("night") or "")) if waits and decision is None else 0,
+        "asked": waits,
         "decision": decision,
         "symbol": "" if spoken(str(a.get("parameter") or "")) == str(a.get("parameter") or "") else str(a["parameter"]),
         "drifts": False,
@@ -72,6 +76,14 @@ def alarm(
         "typed": [str(a["id"])] if a.get("id") else [],
         "decided": "" if decision is None else decided(decision, t),
     }
+
+
+def asked_since(a: Mapping[str, Any], first: str, today: str, t: Texts, deputy: str) -> dict[str, Any]:
+    """fault that nobody has answered, date on which its owner was asked first about anything of the machine, date, texts, deputy →
+    whom to ask about it, for how many days nobody has answered, since when.
+    """
+    who = _who(a["owner"], None, first, today, t, deputy, "")
+    return {"who": who, "silent": days_between(first, today), "asked": first}
 
 
 def decided(decision: Any, t: Texts) -> str:

@@ -151,7 +151,7 @@ def _cause(key: str, record: Mapping[str, Any], u: Units, t: Texts, machine: Mac
     failed = next((p for p in record.get("preflight") or () if not p.get("passed") and p.get("found")), None)
     if failed is None:
         return ""
-    cause = shop(plain(failed["found"], u, t, machine), t).rstrip(".")
+    cause = shop(plain(failed["found"], u, t, machine), t).partition(". ")[0].rstrip(".")  # the rest stands in what to do
     return t(key, cause=cause[:1].lower() + cause[1:])
 
 

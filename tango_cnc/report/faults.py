@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any
 
 from ..loaded import changes
@@ -14,7 +15,7 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from ..texts.number import number
-from .alarm import alarm, size_of
+from .alarm import alarm, asked_since, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
@@ -102,7 +103,7 @@ def faults(
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
     causes = together(_told(how, waiting), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
     found = [x | ({"whole": ""} if old else _whole_error(x, known, u, t, machine, events)) for x in causes]
-    found = _after_a_drift(_with_limits(found, how), machine, t)
+    found = _after_a_drift(_with_limits(_asked_first(found, how), how), machine, t)
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
@@ -190,8 +191,20 @@ def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dic
     """alarm of an earlier night, as that night wrote it → with its moment; what is settled keeps its own advice."""
     if own is None:
         return a
-    a |= {k: own[k] for k in ("utc", "was") if own.get(k) is not None and a.get(k) is None}
+    a |= {k: own[k] for k in ("utc", "was", "asked_again") if own.get(k) is not None and a.get(k) is None}
     return a | ({k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {})
+
+
+def _asked_first(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any]]:
+    """faults → those that nobody has answered with the date on which their owner was asked first: who has not answered the alarm of
+    ten days ago is not the first to call about that of this morning.
+    """
+    waits = [a for a in still_open(found) if a["decision"] is None and a["owner"] and a["asked"]]
+    first = {a["owner"]: min(x["asked"] for x in waits if x["owner"] == a["owner"]) for a in waits}
+    deputy = str(how.record.get("deputy") or "")
+    today = how.today or str(how.record.get("night") or "")
+    asked = {a["id"]: asked_since(a, first[a["owner"]], today, how.t, deputy) for a in waits}
+    return [a | asked.get(a["id"], {}) for a in found]
 
 
 def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any]]:
@@ -202,7 +215,7 @@ def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any
         if same and max(map(size_of, same)) >= 0.8 * size_of(as_loaded(a, how.events)):
             continue
         asked = next((x for x in same if not closed(x)), None)
-        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night")}
+        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night", "asked")}
         found = [*found, how.alarm(a, None) | {"older": False} | whose]
     return found
 
@@ -241,7 +254,7 @@ def untried(a: Mapping[str, Any]) -> bool:
 
 def for_setting_up(a: Mapping[str, Any]) -> bool:
     """fault → whether parts have it only by what was set up or measured with the probe."""
-    return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
+    return bool(a.get("set_up"))
 
 
 def of_probe(found: Sequence[Mapping[str, Any]]) -> str:
@@ -271,7 +284,7 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     has not gone again.
     """
     listed = still_open(found)
-    unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
+    unanswered = [str(a["asked"]) for a in listed if a["decision"] is None]
     if unanswered and record.get("alarms"):  # that of tonight waits in no case; nobody has had time for it
         return min((n for n in unanswered if n < str(record.get("night"))), default=""), ""
     held = (a for a in listed if a["decision"] is not None and not a["gone"])
@@ -317,7 +330,17 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
     tried = {key: d for key, d in known.decided.items() if d.action == "repaired" and key in known.newest.keys() - over}
     waits = tried.keys() - _measured(history, machine, tried) if tried else set()
     listed = [(key, entry, a) for key, (entry, a) in known.newest.items() if not known.closed(key) or key in waits]
-    return [dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) for key, entry, a in listed], dict(known.decided)
+    again = _asked_again(history.decisions(machine), today)
+    return [
+        dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) | again.get(key, {}) for key, entry, a in listed
+    ], dict(known.decided)
+
+
+def _asked_again(decisions: Sequence[Any], today: str) -> dict[str, dict[str, str]]:
+    """decisions, date → {alarm: the day since which its owner is asked again}, of those that somebody ignored until then."""
+    last = {d.alarm: d for d in decisions}
+    over = {key: d.until for key, d in last.items() if d.action == "ignore" and d.until and d.until < today}
+    return {key: {"asked_again": (date.fromisoformat(until) + timedelta(days=1)).isoformat()} for key, until in over.items()}
 
 
 def _measured(history: History, machine: str, repairs: Mapping[str, Any]) -> set[str]:
@@ -393,6 +416,9 @@ def does_now(a: Mapping[str, Any]) -> float:
     return size_of(a) * min(share, 1.0)
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
-    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -does_now(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    """fault → its place: what has gone back comes after all that is there, what is no error of a part after what is; else by what
+    there is of it now, whoever has it.
+    """
+    probe = for_setting_up(a) and change(a["cause_key"]).of_the_probe
+    return bool(a["gone"]), probe, -does_now(a)

@@ -46,6 +46,16 @@ def report_of(folder: Path | None) -> Path | None:
     return file if file.is_relative_to(root) and file.is_file() else None
 
 
+def has_no_report(folder: Path, began: str, ended: float, made_up: bool, record: Mapping[str, Any]) -> bool:
+    """cell, when a complete run of it outside the nights began (UTC) and ended (s since 1970), whether no machine was measured by
+    it, record of the newest night → whether it is newer than that night and no report was written since, so that no page knows
+    what it found. A run of no machine says nothing of a machine.
+    """
+    night, report = str(record.get("end_utc") or ""), report_of(folder)
+    newer = bool(night) and began[:19] > night[:19] and (bool(record.get("simulated")) or not made_up)
+    return newer and (report is None or report.stat().st_mtime < ended)
+
+
 def newer_answer(folder: Path | None, ended_utc: object) -> NewerAnswer | None:
     """folder of a cell, moment at which its newest night ended → what its report says, where that was made of readings that are
     newer than that night; else None. A report of an earlier version says no plain Yes, or a No alone, or nothing; a file that

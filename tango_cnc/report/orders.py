@@ -69,7 +69,7 @@ def orders(
         lines.append(t("morning.todo_nothing" if done == "accept" else "may.repaired_todo"))
     elif listed := asking(found):
         own = listed[0] is found[0] and not (lines or told.moved)  # "this axis" would be that of the order before it
-        lines += of_faults(listed, t, own) if not failed else []
+        lines += of_faults(listed, t, own)
     elif found:  # all of it is to be ignored
         lines += [t("todo.limit")] if verdict == "out_of_limits" else _of_good(told, coming, t) if not failed else []
     elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_moving(record, former):
@@ -144,6 +144,8 @@ def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> s
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
     if is_stopped(told, t):
         return t("may.brief_no")
+    if told.may == "unknown" and told.state == "not_measured" and not told.old:  # no night has ever measured it
+        return t("may.brief_never")
     if told.may not in ("no", "but"):
         return ""
     return t(PARTS["" if told.newer and of_probe(found) == "_probe" else of_probe(found)])

@@ -26,6 +26,7 @@ SYMBOL = re.compile(r"\bE[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))\b(?:-E[XYZ][XYZ
 TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/m)(?![\w/²³])")
 RATE = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (µm/m|µm|µrad)/K")
 SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")
+KELVIN = re.compile(r"(?<![\w-])-(?=\d+(?:\.\d+)? K\b)")
 
 
 def plain(text: Any, u: Units, t: Texts, machine: Machine | None = None) -> str:
@@ -83,6 +84,7 @@ def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
     text = RATE.sub(lambda m: _rate(m[1].replace("-", "−"), float(m[2]), m[3], u), text)
     text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
+    text = KELVIN.sub("−", text)
     told, at = [], 0
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]

@@ -52,7 +52,7 @@ def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Tex
 def _call(first: Mapping[str, Any], record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
     """as `to_ask`, with what somebody is called about → whom to call, as an order."""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")
-    silent, asked = int(first.get("silent") or 0), str(first.get("night") or "")
+    silent, asked = int(first.get("silent") or 0), str(first.get("asked") or first.get("night") or "")
     if not owner:
         other = instead_of(record, found)
         return t("morning.nobody_but", other=other) if other else t("morning.nobody_todo")

@@ -145,7 +145,8 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "gone_by": next((str(a["first"]) for a in same if gone and _undoes(a, same[0])), str(same[0].get("gone_by") or "")),
     }
     if gone:
-        first |= _gone_back(first, story.own, story.every, how.u, how.t)
+        unknown = len(same) == 1 and same[0].get("total") is None and not same[0].get("undoes")
+        first |= _gone_back(first, story.own, None if unknown else story.every, how.u, how.t)
     elif same[0].get("older") and is_unseen(same[0].get("now")) and not story.drifts:
         first |= _unseen(first, story.own, story.every, how)
     elif _swings(same):
@@ -162,7 +163,10 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
 def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """what is told, its alarms → the same, asked of whom the oldest alarm asks that nobody has answered."""
     unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
-    return {**told, **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night") if unanswered}}
+    return {
+        **told,
+        **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night", "asked", "silent") if unanswered},
+    }
 
 
 def _moved_on(first: Mapping[str, Any], story: _Story, written: str, how: _Telling) -> dict[str, Any]:
@@ -237,14 +241,16 @@ def _alike(a: Mapping[str, Any], first: Mapping[str, Any]) -> bool:
     return not closed(first) and (a["decision"] is None) == (first["decision"] is None)
 
 
-def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: Texts) -> dict[str, Any]:
-    """oldest alarm of a parameter that has gone back, its size, what is left → sentence, effect, advice."""
+def _gone_back(first: Mapping[str, Any], own: float, left: float | None, u: Units, t: Texts) -> dict[str, Any]:
+    """oldest alarm of a parameter that has gone back, its size, what is left (None: nobody knows) → sentence, effect, advice."""
     factor, unit = shown(str(first.get("unit") or "mm"))
-    sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
+    rest = {} if left is None else {"left": amount(abs(left * factor), unit, u, t)}
+    sizes = {**rest, "size": amount(abs(own * factor), unit, u, t)}
     warm = first["cause_key"] == "temperature"
     key = "scatter_gone" if change(first["cause_key"]).scatters else "warm_gone" if warm else "gone_back"
     do = t("night.sensors.warm_gone_do" if warm else "night.gone_do")
-    told = {"text": f"{first['text']} {t(f'morning.{key}', **sizes)}", "todo": shop(do, t), "office": office(do, t)}
+    key = f"morning.{key}" if rest else f"morning.{key}_only"
+    told = {"text": f"{first['text']} {t(key, **sizes) if rest else t(key)}", "todo": shop(do, t), "office": office(do, t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
     key = "gone_part_probe" if change(first["cause_key"]).scatters else key
     part = t(f"morning.{key}", date=day(first.get("since") or first["first"], t), until=until) if first["on_part"] else ""

@@ -55,6 +55,17 @@ def is_over(a: Mapping[str, Any]) -> bool:
     return is_gone(a.get("now") or "") or bool(a.get("undoes"))
 
 
+def only_set_up(a: Mapping[str, Any]) -> bool:
+    """alarm of a record → whether parts have it only by what was set up or measured with the probe: it is of the probe or a ball,
+    and no touch tells it from the place of an axis. Every view asks here.
+    """
+    from ..state.changes import change  # as above
+
+    part, cause = a.get("on_part"), a.get("cause")
+    axis = isinstance(part, Said) and part.key == "part.pivot_since"
+    return (change(cause).of_the_probe or cause == "ball") and not axis
+
+
 def is_unsure(record: Mapping[str, Any]) -> bool:
     """record of a night → whether nobody knows if the machine is within its limits. Then somebody has to measure a first part, so
     every exit status of that night is 1.

@@ -7,8 +7,9 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Container, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from ..report.signs import of_night
 from ..report.suspects import as_limited
+from .away import Away, kind_of, look, why_of
 from .newest import NewestRecords
 from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, file_of, looks_of
 from .served import Row, Served, slug_of
@@ -34,19 +36,10 @@ from .settings import Settings
 LOOKED = 1.0  # s that the files of a cell are not looked at again
 FEW = 20  # machines whose nights are read one by one where only theirs have changed
 CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
+AT_ONCE = 64  # servers with a history that are asked at the same time
 AWAY = 15.0  # s that a history that does not answer is not asked again
 PATIENCE = 5.0  # s for which a page waits for a database that takes the connection and is silent
 STRIP = 30  # nights of the strip beside a machine
-
-
-@dataclass(frozen=True)
-class Away:
-    """A history that does not answer: until when nobody asks it, why, its file, and what somebody has to look at."""
-
-    until: float
-    why: str
-    file: object
-    kind: str  # database, file, settings
 
 
 class Places(Remembered):
@@ -106,18 +99,20 @@ class Places(Remembered):
         where = self.settings.history
         shared, off = self._reached(where) if where else (None, None)
         found: dict[str, Served] = {}
-        for folder in self.settings.find() if self.settings.find else self.settings.cells:
+        folders = self.settings.find() if self.settings.find else self.settings.cells
+        reached = {} if where else self._of_cells(folders)
+        for folder in folders:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
-            own, why = (shared, off) if where else self._of_cell(folder)
+            own, why = (shared, off) if where else reached[folder]
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
-            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else _why(why), _kind(why))
+            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else why_of(why), kind_of(why))
         if shared is not None:
             self._listed = shared.machines()
         for name in self._listed:
-            found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, _why(off), _kind(off)))
+            found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared, why_of(off), kind_of(off)))
         if off is not None and not found:
             raise UnreadableError(off.why.removeprefix("history: "), None)
         return self._with_former(found)
@@ -231,13 +226,24 @@ class Places(Remembered):
         self._cells[folder] = (now, stamp, cell)
         return cell
 
-    def _of_cell(self, folder: Path) -> tuple[History | None, Away | None]:
-        """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, where that is so."""
+    def _of_cells(self, folders: Sequence[Path]) -> dict[Path, tuple[History | None, Away | None]]:
+        """folders → the history that each nightly.yaml names, None where it has none; why it cannot be read, where that is so.
+        Servers are asked all at once: ten that are silent hold a page no longer than one.
+        """
+        named = {folder: self._named(folder) for folder in folders}
+        each = dict.fromkeys(named.values())
+        with ThreadPoolExecutor(AT_ONCE) as threads:  # starts no more of them than there are servers
+            asked = {where: threads.submit(self._reached, where, False) for where in each if "://" in where}
+            found = {where: asked[where].result() if where in asked else self._reached(where, must=False) for where in each}
+        return {folder: found[where] for folder, where in named.items()}
+
+    def _named(self, folder: Path) -> str:
+        """folder → file or URL of the history that its nightly.yaml names."""
         try:
             settings = self.nightly(folder)
         except TangoError:  # the night itself tells what is wrong with the file
             settings = Nightly()
-        return self._reached(str(history_of(folder, settings)), must=False)
+        return str(history_of(folder, settings))
 
     def _reached(self, where: str, must: bool = True) -> tuple[History | None, Away | None]:
         """file or URL of a history, whether it has to be there → the history (None: it does not answer, or nobody has begun it),
@@ -245,7 +251,7 @@ class Places(Remembered):
         waits for a database a second time.
         """
         away = self._off.get(where)
-        if away is not None and self.clock() < away.until and away.file == _look(where):
+        if away is not None and self.clock() < away.until and away.file == look(where):
             return None, away
         if away is not None and "://" in where:
             self._ask_beside(where)
@@ -263,7 +269,7 @@ class Places(Remembered):
     def _away(self, where: str, error: TangoError) -> Away:
         """file or URL of a history, what it has raised → that it does not answer from now on."""
         kind = "file" if "://" not in where else "settings" if isinstance(error, InputError) or refused(error) else "database"
-        return Away(self.clock() + AWAY, str(error), _look(where), kind)
+        return Away(self.clock() + AWAY, str(error), look(where), kind)
 
     def _ask_beside(self, where: str) -> None:
         """URL of a history that did not answer → a thread asks it again, where none does yet; once it answers, pages read it."""
@@ -395,21 +401,6 @@ class Places(Remembered):
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
-
-
-def _why(away: Away | None) -> str:
-    """history that does not answer, None for none → why; ''."""
-    return "" if away is None else away.why
-
-
-def _kind(away: Away | None) -> str:
-    """history that does not answer, None for none → what somebody has to look at; ''."""
-    return "" if away is None else away.kind
-
-
-def _look(where: str) -> object:
-    """file or URL of a history → what differs once another file is there; None of a URL."""
-    return None if "://" in where else (file_of(where), looks_of(where), looks_of(f"{where}-wal"))
 
 
 def sign_of(night: Night, unsure: Container[int]) -> str:

@@ -30,7 +30,7 @@ from ...report.days import ago, day, spoken_days
 from ...report.faults import answered, does_now, earlier, faults, of_probe, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
 from ...report.newer import NewerAnswer, newer_answer
-from ...report.orders import orders, parts_first
+from ...report.orders import brief_of, orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.reach import to_ask
@@ -43,7 +43,7 @@ from ..app import PagesState, needs, page, state_of
 from ..places import sign_of, today
 from ..places import told as verdict_of
 from ..served import Row
-from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
+from .machine import between, busy_for, happened_to, ran_of, ran_since, run_of, unmeasured
 from .report import file_of_cell
 
 NAMED = 3  # machines that are late, by their names
@@ -98,10 +98,11 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     ran = ran_of(state, row.machine) if row.record is None else ""
     simulated = run is not None and run.simulated and bool(busy or ran)
     reported = bool(ran) and file_of_cell(row.machine) is not None
+    since = "" if busy or row.record is None else ran_since(state, row.machine, row.record)
     told = unchanged(
         row, state, (busy, ran, simulated, reported, newer_of(row)), lambda: _told(row, busy, ran, simulated, state), "row"
     )
-    return told | {"age": _age(row, state.texts, newer_of(row) if told["newer"] else None)}
+    return told | {"ran_since": since, "age": _age(row, state.texts, newer_of(row) if told["newer"] else None)}
 
 
 def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> dict[str, Any]:
@@ -224,7 +225,7 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
-    if found and told.state not in ("not_measured", "doubtful"):
+    if found and told.state != "doubtful":
         return since_date(_first(found))
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
@@ -273,7 +274,9 @@ def brief(
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
     first = _first(found) if found and not told.old else {}
     gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
-    return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), gone, told.moved) if x)
+    still = str(first.get("still") or "")
+    still = still if first and still in brief_of(first) else ""  # it is another size by now
+    return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), still, gone, told.moved) if x)
 
 
 def _first(found: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:

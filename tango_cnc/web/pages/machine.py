@@ -24,7 +24,7 @@ from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import context, volumes_of, who_of
-from ...report.newer import newer_answer
+from ...report.newer import has_no_report, newer_answer
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
 from ...report.repeated import as_dated, in_a_row, of_shop, shortened
@@ -238,16 +238,14 @@ def ran_since(state: PagesState, machine: Served, record: Mapping[str, Any]) -> 
     """what pages share, machine, record of its newest night → when its newest complete run outside the nights began, where that was
     later and no report was written since, as a text; else ''. A run of no machine says nothing of a machine.
     """
-    ended_utc = str(record.get("end_utc") or "")
-    if machine.folder is None or not ended_utc:
+    if machine.folder is None:
         return ""
-    cell, report = state.places.cell(machine.folder), file_of_cell(machine)
+    cell = state.places.cell(machine.folder)
     for file in journals(machine.folder)[:LOOKED]:
         run = state.journals.run(file, touched_by(file, cell)) if file.parent == machine.folder else None
         if run is not None and run.state == "complete":
-            written = report is not None and report.stat().st_mtime >= run.touched
-            made_up = run.simulated and not record.get("simulated")
-            return "" if written or made_up or run.started[:19] <= ended_utc[:19] else title(run, state.texts)
+            unknown = has_no_report(machine.folder, run.started, run.touched, run.simulated, record)
+            return title(run, state.texts) if unknown else ""
     return ""
 
 

@@ -35,7 +35,8 @@ def report(request: Request) -> Response:
 
     made_up = simulated(request, found)
     if file_of_cell(found) is None:
-        return page(request, "no_report.html", 404, machine=found, simulated=made_up, today=answer_today(request, found))
+        ran = found.folder is not None and (found.folder / "readings.csv").is_file()
+        return page(request, "no_report.html", 404, machine=found, ran=ran, simulated=made_up, today=answer_today(request, found))
     return _framed(request, found, "", "", made_up)
 
 
