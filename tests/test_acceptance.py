@@ -14,6 +14,7 @@ import yaml
 
 from tango_cnc.acceptance import Order, Signed, Source, made, page, read_order
 from tango_cnc.acceptance.covered import Covered, of_figure
+from tango_cnc.acceptance.fitting import other_bar
 from tango_cnc.acceptance.order import CONDITIONS, PEOPLE
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
@@ -276,6 +277,27 @@ def test_conditions_on_the_page_are_those_of_temperature_yaml(tmp_path: Path, ma
         signed(tmp_path, replace(sheet(1.0), thermal=warm))
     fine = signed(tmp_path, replace(sheet(1.0), thermal=Thermal(Known(20.5, 0.1), Known(20.2, 0.3), USUAL, USUAL)))
     assert "bar 20.5 ± 0.1 °C, 11.5 ± 2 µm/m/K" in fine.checklist["7.8.4.1 b) conditions"]
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "before", "stops", "remarks"),
+    [
+        (304.6686, 304.6786, None, True, False),
+        (304.6586, 304.6686, "304.6586 mm", False, True),
+        (304.6586, 304.6686, "304.6500 mm", True, False),
+        (304.66861, 304.6686, None, False, False),
+    ],
+)
+def test_a_bar_that_has_another_length_since_the_run_decides_nothing(
+    tmp_path: Path, then: float, now: float, before: str | None, stops: bool, remarks: bool
+) -> None:
+    """The certificate was changed with it, so both agreed; a bar that was certified after the run says so."""
+    wanted = order(tmp_path, certificates=[BAR | ({} if before is None else {"before": before})])
+    why, said = other_bar(wanted, [("scale_bar.length", then, now)])
+    assert bool(why) == stops and bool(said) == remarks
+    assert not stops or (f"was {then:.4f} mm" in why and f"before: {then:.4f} mm" in why)
+    assert not remarks or ("by certificate C-123" in said and f"{then:.4f}" in said)
+    assert other_bar(wanted, [("scale_bar.uncertainty", 1e-3, 2e-3)]) == ("", "")
 
 
 @pytest.mark.long

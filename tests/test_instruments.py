@@ -6,6 +6,8 @@ import json
 import math
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,7 +16,19 @@ from click.testing import CliRunner
 from tango_cnc.cli import tango
 from tango_cnc.estimate import Estimate
 from tango_cnc.files import read_cell
-from tango_cnc.instruments import Compared, Predicted, Wanted, compare, names_of, path_of, predict, read_measured
+from tango_cnc.instruments import (
+    RARE,
+    Compared,
+    InstrumentReadings,
+    Predicted,
+    Wanted,
+    compare,
+    names_of,
+    path_of,
+    predict,
+    read_measured,
+)
+from tango_cnc.instruments.chance import distance, slip
 from tango_cnc.iso230 import ranges
 from tango_cnc.records import InputError
 from tests.support.instrument_truth import EXAMPLES, machine_and_estimate, predicted, shown
@@ -111,6 +125,11 @@ def test_from_a_cell_to_a_prediction_and_a_comparison_on_the_command_line(tmp_pa
     by_name = {f["name"]: f for f in found["figures"]}
     assert done.return_value == 1 and by_name["mean radial deviation"]["verdict"] == "differs"
     assert by_name["circular deviation, positive"]["verdict"] == "agrees"
+    rad = tmp_path / "rad.csv"
+    told = [f"{math.radians(r['angle_deg']):.6f},{r['direction']},{r['um'][0]:.3f}" for r in data["readings"]]
+    rad.write_text("\n".join(["angle_deg,direction,radial_um", *told]), encoding="utf-8")
+    done = runner.invoke(tango, [*call, "--measured", str(rad), "--instrument-um", "0.5"], standalone_mode=False)
+    assert "commands are in rad" in json.loads(done.stdout)["compared"]["slip"] and done.return_value == 1
     for wrong in (["predict"], ["predict", str(file), "--test", "K1"], ["predict", str(file), "--radius", "50"]):
         assert runner.invoke(tango, [*wrong, "-C", str(cell)]).exit_code != 0
 
@@ -167,3 +186,53 @@ def test_a_ball_bar_is_told_along_which_way_of_the_table_it_reads_ahead(example:
     ahead = (tip[1] - tip[0]) / np.linalg.norm(tip[1] - tip[0])
     printed = [float(v) for v in path.text.partition("tangential is positive along [")[2].partition("]")[0].split(",")]
     assert printed == pytest.approx(ahead.tolist(), abs=0.006)
+
+
+def test_a_true_file_is_called_different_as_seldom_as_stated_where_one_error_moves_all_readings() -> None:
+    """A gain that is known badly is one draw: its rms is twice what is expected in one file of twenty."""
+    rng, n, count = np.random.default_rng(5), 40, 2000
+    way = np.linspace(-1.0, 1.0, n)
+    root = np.column_stack([12.0 * way, 0.5 * np.eye(n)])
+    told = cast(Predicted, SimpleNamespace(covariance=root @ root.T, free=np.eye(n), value=np.zeros((1, n))))
+    expected = distance(told, 0.0)
+    files = rng.normal(size=(count, n + 1)) @ root.T
+    called = np.mean([expected.chance(f) < RARE for f in files])
+    allowed = np.sqrt(np.mean(np.diag(told.covariance)))
+    before = np.mean([np.sqrt(np.mean(f**2)) > 2 * allowed for f in files])
+    assert called < 2.2 * RARE < before
+    other = files + 5.0 * np.sin(6 * way)  # µm, along what is known well: the badly known gain hides it no longer
+    assert np.mean([expected.chance(f) < RARE for f in other]) > 0.95
+
+
+def test_a_unit_and_a_mirrored_channel_are_named_by_how_much_nearer_they_are() -> None:
+    rng, n = np.random.default_rng(6), 36
+    shape = np.stack([4 * np.sin(np.linspace(0, 6, n)), 6 * np.cos(np.linspace(0, 9, n))])
+    spread = 0.8 * np.eye(2 * n)
+    path = SimpleNamespace(channels=("radial", "axial"))
+    told = cast(Predicted, SimpleNamespace(covariance=spread, free=np.eye(2 * n), value=shape, path=path))
+    expected, read = distance(told, 0.0), shape + 0.8 * rng.normal(size=(2, n))
+    assert slip(told, read, expected) == ""
+    assert "channel axial looks mirrored" in slip(told, read * [[1.0], [-1.0]], expected)
+    assert "channels radial and axial look mirrored" in slip(told, -read, expected)
+    assert "in mm" in slip(told, read / 1000, expected)
+    assert slip(told, read + 5.0, expected) == ""
+
+
+@pytest.mark.long
+def test_a_unit_and_a_mirrored_channel_are_named() -> None:
+    truth, result = machine("hu40t", 5)
+    told = predicted(result, "rotary-C")
+    reading = shown(truth, told, NOISE)[0]
+
+    def said(read: np.ndarray) -> tuple[str, bool]:
+        found = compare(told, InstrumentReadings(told.path.command, told.path.sense, read, 1), 4 * NOISE)
+        return found.slip, found.far
+
+    assert said(reading) == ("", False)
+    text, far = said(reading / 1000)
+    assert "are they in mm?" in text
+    for i, name in enumerate(told.path.channels):
+        sign = np.ones((3, 1))
+        sign[i] = -1.0
+        text, far = said(sign * reading)
+        assert f"the measured channel {name} looks mirrored" in text and far

@@ -310,3 +310,8 @@ def test_no_line_is_wider_than_the_terminal_and_no_word_is_cut(
 def test_letters_that_take_two_columns_leave_a_table_in_line() -> None:
     text = table([["machine", "x"], ["旋盤 一号", "1"], ["lathe", "2"]], "<<")
     assert {wide(line[:-1]) for line in text.splitlines()} == {11}
+
+
+def test_nothing_has_no_sign_in_a_table() -> None:
+    rows = [["-0.0", "-0.00 … 0.42", "−0", "-0.05", "2026-01-01", "EX-0"]]
+    assert table(rows, "<<<<<<") == "0.0  0.00 … 0.42  0  -0.05  2026-01-01  EX-0"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date, datetime, timedelta
+from typing import Any
 
 from ..iso230.temperature import Thermal
 from ..records import Cell, InputError
@@ -67,6 +68,28 @@ def _certificate(c: Certificate, cell: Cell, file: str) -> None:
         assert c.length is not None
         if abs(c.length - diameter) > TIP:
             raise InputError(f"{where}: found a diameter of {c.value}; allowed: {diameter:g} mm, twice tip_radius of machine.yaml")
+
+
+def other_bar(order: Order, changed: Sequence[tuple[str, Any, Any]]) -> tuple[str, str]:
+    """order, keys of artefact.yaml that have changed since the readings were made, with what they were and are → why nothing is
+    decided by these readings; else what the sheet says of the bar. '' where its length is that of the run.
+
+    A bar may have got its certificate after the run. Nobody but the laboratory knows that: it says so by `before`.
+    """
+    then, now = next(((a, b) for key, a, b in changed if key == "scale_bar.length"), (None, None))
+    if not isinstance(then, int | float) or not isinstance(now, int | float) or abs(then - now) <= ROUNDED:
+        return "", ""
+    mine = next((c for c in order.certificates if c.of == "scale bar" and c.before is not None), None)
+    if mine is not None and mine.before is not None and abs(mine.before - then) <= ROUNDED:
+        return "", (
+            f"scale bar: artefact.yaml gave it {then:.4f} mm when it was touched; since then it has {now:.4f} mm, by certificate "
+            f"{mine.number} of {mine.issued}"
+        )
+    return (
+        f"the scale bar is {now:.4f} mm long in artefact.yaml, and was {then:.4f} mm when it was touched, so nothing says "
+        "which bar these readings are of. If it is another bar, measure with it. If its certificate came after the run, state in "
+        f"{order.file} what it corrects: at the certificate of the bar, before: {then:.4f} mm"
+    ), ""
 
 
 def _calibrated(cell: Cell) -> bool:

@@ -43,6 +43,7 @@ class Certificate:
     length: float | None = None
     std: float | None = None
     valid_until: date | None = None
+    before: float | None = None  # mm, what artefact.yaml had during the run, where this certificate has corrected it since
 
     @property
     def text(self) -> str:
@@ -160,7 +161,7 @@ def _days(node: Node, today: date) -> tuple[date, date]:
 
 
 def _certificate(node: Node, today: date) -> Certificate:
-    f = node.fields(["of", "number", "date", "uncertainty", "k", "issued_by"], ["value", "valid_until"])
+    f = node.fields(["of", "number", "date", "uncertainty", "k", "issued_by"], ["value", "valid_until", "before"])
     of, k = f["of"].text(STANDARDS), f["k"].number(1, 4)
     length = std = None
     for key in ("number", "issued_by"):
@@ -175,7 +176,11 @@ def _certificate(node: Node, today: date) -> Certificate:
     until = _day(f["valid_until"], _said(f["valid_until"]), None) if "valid_until" in f else None
     value = _said(f["value"]) if "value" in f else ""
     issued = _day(f["date"], _said(f["date"]), today)
-    return Certificate(of, _said(f["number"]), issued, _said(f["issued_by"]), _said(f["uncertainty"]), k, value, length, std, until)
+    if "before" in f and of != "scale bar":
+        raise f["before"].wrong("at a scale bar only: the length that artefact.yaml gave it during the run")
+    before = _millimetres(f["before"]) if "before" in f else None
+    named = _said(f["number"]), issued, _said(f["issued_by"]), _said(f["uncertainty"])
+    return Certificate(of, *named, k, value, length, std, until, before)
 
 
 def _millimetres(node: Node) -> float:

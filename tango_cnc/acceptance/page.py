@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from ..texts.number import unsigned_zero
 from .covered import Covered, column
 from .order import Certificate
 from .sheet import Row, Signed
@@ -60,7 +61,7 @@ def cells(row: Row) -> list[str]:
     guard = "–" if row.guard is None else f"{row.guard:.{places + 1}f}"
     between = "–" if row.decided is None else " … ".join(_against(x, row.limit, places + 1) for x in row.decided)
     over, limit = column(row.over), f"{'± ' if row.two_sided else ''}{row.limit:g}"
-    return [row.name, over, value, between, expanded, guard, limit, row.unit, row.verdict]
+    return [unsigned_zero(cell) for cell in (row.name, over, value, between, expanded, guard, limit, row.unit, row.verdict)]
 
 
 def digits(expanded: float | None) -> int:

@@ -17,6 +17,7 @@ import click
 from ..files import blamed_on, write_text
 from ..files.targets import same, spared, writable
 from ..records import Cell, Controller, InputError
+from ..texts.number import unsigned_zero
 from . import _trusted
 from ._handed import handed, pasted, spelt
 
@@ -208,7 +209,16 @@ def write_json(target: str | None, data: dict[str, Any]) -> bool:
 
 def json_text(data: dict[str, Any]) -> str:
     """plain data → JSON as files and stdout have it, without the last end of line."""
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+    return json.dumps(_unsigned(data), indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _unsigned(data: Any) -> Any:
+    """plain data → the same; nothing has no sign."""
+    if isinstance(data, dict):
+        return {key: _unsigned(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_unsigned(value) for value in data]
+    return 0.0 if isinstance(data, float) and data == 0 else data
 
 
 def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
@@ -217,6 +227,7 @@ def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
     `columns`: of a terminal; the last column is wrapped in it, or stands below its row where fewer than `LEAST` are left. Where the
     others have no room either, each row is a block: its first cell, then the others with the name of their column, a line each.
     """
+    rows = [[unsigned_zero(cell) for cell in row] for row in rows]
     if columns is not None:
         return _within(rows, align, columns)
     widths = [max(wide(row[i]) for row in rows) for i in range(len(align))]

@@ -19,6 +19,7 @@ from ._common import table
 from .iso230 import at_20
 
 SHOWN = 6  # sentences on what is withheld
+IN_METRES = 5.0  # mm: a laser test that goes no further may be written in m
 
 
 def test_options(call: Any) -> Any:
@@ -71,16 +72,34 @@ def predicted(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[
     measured = None
     if options["measured"] is not None:
         measured = instruments.read_measured(options["measured"], path.channels, path.turns)
-        radius = options["radius"] or path.radius
-        path = instruments.path_of(
-            machine, ranges(result.model.touches), replace(wanted, radius=radius), measured.command, measured.sense
-        )
-    laser = path.name.startswith("laser")
-    told = instruments.predict(result, path, at_20(folder), at_reference=laser, budget=budget_of(folder, result))
+        wanted = replace(wanted, radius=options["radius"] or path.radius)
+
+    def at(read: instruments.InstrumentReadings | None) -> instruments.Predicted:
+        way = path
+        if read is not None:
+            way = instruments.path_of(machine, ranges(result.model.touches), wanted, read.command, read.sense)
+        laser = path.name.startswith("laser")
+        return instruments.predict(result, way, at_20(folder), at_reference=laser, budget=budget_of(folder, result))
+
+    told = at(measured)
     compared = None if measured is None else instruments.compare(told, measured, options["instrument_um"])
+    if measured is not None and compared is not None and not compared.slip and _in_other_unit(path, measured):
+        factor, unit, right = (math.degrees(1.0), "rad", "degrees") if path.turns else (1e3, "m", "mm")
+        read = replace(measured, command=factor * measured.command)
+        there = at(read)
+        if not instruments.compare(there, read, options["instrument_um"]).far:
+            compared = replace(compared, slip=f"they agree where commands are in {unit}. The column has {right}")
     data = _data(told) | ({} if compared is None or measured is None else _compared(compared, measured, options["instrument_um"]))
-    differs = compared is not None and (compared.far or any(f.verdict == "differs" for f in compared.figures))
+    differs = compared is not None and (
+        compared.far or bool(compared.slip) or any(f.verdict == "differs" for f in compared.figures)
+    )
     return data, "\n".join(_text(told, compared, measured)), int(differs)
+
+
+def _in_other_unit(path: instruments.Path, measured: instruments.InstrumentReadings) -> bool:
+    """path, what was measured → whether its commands go no further than those of a whole turn in rad, or of a laser in m, would."""
+    far = float(np.abs(measured.command).max())
+    return far <= 1.02 * math.radians(2 * math.pi) if path.turns else far < IN_METRES
 
 
 def _place(text: str | None, machine: Machine) -> dict[str, float]:
@@ -147,12 +166,18 @@ def _compared(found: instruments.Compared, measured: instruments.InstrumentReadi
             "rms_um": found.rms,
             "expected_um": found.expected,
             "readings_inside": found.inside,
+            "readings_chance": found.chance,
             "readings_differ": found.far,
+            "slip": found.slip or None,
             "figures": [
                 {"name": f.name, "measured_um": f.measured, "E_n": f.normalized, "verdict": f.verdict} for f in found.figures
             ],
         }
     }
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.1f} %" if share >= 0.001 else "fewer than 0.1 %"
 
 
 def _text(
@@ -191,9 +216,12 @@ def _text(
     if found is not None and measured is not None:
         lines.append(
             f"readings: {found.rms:.2f} µm rms from the prediction, {found.expected:.2f} µm expected; "
-            f"{100 * found.inside:.0f} % within their own 95 % intervals; {measured.runs} runs"
+            f"{100 * found.inside:.0f} % within their own 95 % intervals; {measured.runs} runs. Of true files "
+            f"{_percent(found.chance)} are as far off, by all that the prediction leaves open"
         )
-        if found.far:
+        if found.slip:
+            lines.append(f"The readings do not fit as they are: {found.slip}.")
+        elif found.far:
             why = (
                 "the machine has changed, or the instrument shows what these touches cannot see"
                 if texts

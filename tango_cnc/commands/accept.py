@@ -11,10 +11,11 @@ import click
 from .. import __version__
 from ..acceptance import RELATIVE, Order, Source, made, page, read_order
 from ..acceptance.beside import by_figures
+from ..acceptance.fitting import other_bar
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import Origin, check_values, look_up, origin_file
+from ..files.origin import Origin, cell_texts, changes, check_values, look_up, origin_file
 from ..iso230 import columns
 from ..iso230.signed import Sheet, signed
 from ..judging import judged, rows_alone, said_of_origin
@@ -79,7 +80,7 @@ def command(
         _with_further(wanted, sheet, result, cell),
         judgement,
         cell,
-        _source(source, origin.simulated, readings.status, _older(folder, source), warm),
+        _with_bar(_source(source, origin.simulated, readings.status, _older(folder, source), warm), wanted, source, folder),
         () if budget is None else absent(budget.named),
         origin.files,
         __version__,
@@ -134,6 +135,14 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...], older: str
     left = sum(s != "ok" for s in status)
     remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
     return Source(doubt, (moments[0], moments[-1]) if moments else None, text, (*remarks, *warm), older)
+
+
+def _with_bar(source: Source, order: Order, readings: Path, folder: Path) -> Source:
+    """where the readings come from, order, readings.csv, cell → the same with what a bar of another length says of them."""
+    then = look_up(readings).known.get("cell")
+    known = changes(then, cell_texts(folder)) if isinstance(then, dict) else {}
+    doubt, said_of_it = other_bar(order, [change for keys in known.values() for change in keys])
+    return replace(source, doubt=source.doubt or doubt, remarks=(*source.remarks, *filter(None, [said_of_it])))
 
 
 def _doubt(origin: Origin, simulated: bool) -> str:

@@ -5,12 +5,14 @@ of the machine, and so is what setting it up takes out (where its ball or its re
 fit with every error motion of the topology.
 """
 
+from .chance import RARE
 from .measured import Agreement, Compared, InstrumentReadings, compare, read_measured
 from .path import INSTRUMENTS, Path, Wanted, commanded, names_of, path_of
 from .predict import Predicted, Row, predict
 
 __all__ = [
     "INSTRUMENTS",
+    "RARE",
     "Agreement",
     "Compared",
     "InstrumentReadings",

@@ -13,6 +13,7 @@ from scipy import special
 from ..files.checked import complaint, read_text, rows_of
 from ..iso230.signed import OnPart
 from ..records import Array
+from .chance import RARE, distance, slip
 from .path import Path
 from .predict import Predicted
 
@@ -55,11 +56,13 @@ class Compared:
     rms: float
     expected: float  # rms that prediction and instrument allow for
     inside: float  # share of readings within their own 95 % interval
+    chance: float  # share of true files that are as far off or farther
+    slip: str = ""  # a unit or a sign that explains a difference
 
     @property
     def far(self) -> bool:
-        """→ whether the readings are farther from the prediction than twice what both allow for, as beyond an E_n of 1."""
-        return self.rms > 2 * self.expected + 1e-9
+        """→ whether the readings are farther from the prediction than chance makes a true file once in a hundred."""
+        return self.chance < RARE
 
 
 def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> InstrumentReadings:
@@ -124,7 +127,10 @@ def compare(told: Predicted, measured: InstrumentReadings, expanded: float = 0.0
         size = float(np.ptp(values)) if len(values) > 1 else float(values[0])
         figures.append(Agreement(row.name, size, figure, _normalized(size, figure, row.weights @ told.free, expanded)))
     inside = float(np.mean(np.abs(difference) <= wide * std + 1e-9))
-    return Compared(tuple(figures), difference, float(np.sqrt(np.mean(difference**2))), float(np.sqrt(np.mean(std**2))), inside)
+    rms, allowed = float(np.sqrt(np.mean(difference**2))), float(np.sqrt(np.mean(std**2)))
+    beyond = distance(told, expanded)
+    chance = beyond.chance(difference.reshape(q * n))
+    return Compared(tuple(figures), difference, rms, allowed, inside, chance, slip(told, measured.reading, beyond))
 
 
 def _normalized(size: float, figure: OnPart, weights: Array, expanded: float) -> float | None:

@@ -15,6 +15,13 @@ EXACT = ".exact"  # of a record: {"size": "+21.5 ± 0.4 µm", "size.exact": "21.
 MORE = 9  # decimals that a page asks for before it rounds
 ROUNDED = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± (\d+(?:\.\d+)?))?(?: ([^\s\d]\S*))?")
 
+MINUS_ZERO = re.compile(r"(?<![\w.])[-−](0(?:[.,]0*)?)(?![\w.,]*\d)")
+
+
+def unsigned_zero(text: str) -> str:
+    """text with rounded numbers → the same where nothing has no sign: 0.00 and not -0.00."""
+    return MINUS_ZERO.sub(r"\1", text)
+
 
 def shown(unit: str) -> tuple[float, str]:
     """unit of a coefficient (mm, rad, mm/mm², rad/mm …) → factor and unit for people (µm, µrad, µm/m², µrad/m …)."""
