@@ -6,10 +6,12 @@ The engineer's part of a page keeps the sentence as it was recorded.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from ..records import Machine
 from ..texts import LIST, Said
+from ..texts.handed import COMMAND as WHOLE
 from ..texts.number import MORE, Number
 from .days import spoken_days
 from .texts import Texts
@@ -65,6 +67,15 @@ def office(text: str, t: Texts) -> str:
     """sentence, texts → the part of it for the office; nothing where it has none."""
     told = text.partition(t("morning.office_mark"))[2].strip()
     return f"{told[:1].upper()}{told[1:]}"
+
+
+def to_type(lines: Sequence[str], cell: str, t: Texts) -> list[str]:
+    """what the office can do, name of the folder of the cell, texts → each once; where a command is among them, first where it is
+    typed: no page says where that folder is.
+    """
+    told = list(dict.fromkeys(lines))
+    where = t("web.type_where", folder=cell) if cell and any(WHOLE.search(line) for line in told) else ""
+    return [where, *told] if where else told
 
 
 def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
