@@ -18,6 +18,7 @@ from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, o
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say, unstopped
+from ..texts.handed import of_cell
 from ..texts.number import number
 from .doubt import is_small, left_over
 from .first import owner_of, parts_first
@@ -69,7 +70,7 @@ def message(
         "",
         *_measured(record, newest, t),
     ]
-    return decimals(_subject(record, t), t), decimals("\n".join(lines) + "\n", t)
+    return decimals(_subject(record, t), t), decimals(of_cell("\n".join(lines) + "\n", record["cell"]), t)
 
 
 def _subject(record: Mapping[str, Any], t: Texts) -> str:
@@ -368,7 +369,7 @@ def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[
         do, part = t("mail.do", text=t("night.refused_do")), t("mail.on_part", text=t("night.refused_part"))
         return [f"* {do}", f"* {part}", f"* {whose}"]
     key = "night.moved_do" if record.get("moved") else "night.unmeasured_do"  # it was at work: the control knows more
-    usual = t("night.night.see_to_history") if _is_unjudged(record) else t(key, cell=record["cell"])
+    usual = t("night.night.see_to_history") if _is_unjudged(record) else t(key)
     do = "" if any(p["do"] for p in failed) else t("mail.do", text=usual)
     last = record.get("last_measured")
     never = t("night.unmeasured_unknown" if record.get("unread") else "night.unmeasured_never")
