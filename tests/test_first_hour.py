@@ -170,3 +170,40 @@ def test_a_control_that_was_reset_is_not_asked_for_its_probe(tmp_path: Path) -> 
         stopped = Result("locate", "-C", folder, "--port", url, "--yes")
     assert stopped.code == 3 and "reset while moving" in stopped.err
     assert "What has reset the control" in stopped.err and "probe alive" not in stopped.err and "rule" not in stopped.err
+
+
+@pytest.mark.parametrize("words", [("run",), ("locate",), ("commission", "--touch")], ids=" ".join)
+def test_an_axis_that_goes_the_other_way_is_no_question_at_a_terminal(
+    cell: Path, capsys: pytest.CaptureFixture[str], at_a_terminal: list[str], words: tuple[str, ...]
+) -> None:
+    """ "It is NOT so: X goes the other way", and "Start? [y/N]" all the same; with --yes it was refused."""
+    stating(cell, post="fanuc", port="socket://127.0.0.1:9", probe_state="none")
+    made = read_cell(cell)
+    assert made.controller is not None
+    key = keys_of(made, load("fanuc"))
+    add_proofs(cell, "fanuc", [Proof("directions", "FAIL", "X went the other way", profile=key["directions"])])
+    assert call(*words, "-C", cell) == 2
+    said = capsys.readouterr().err
+    assert "It is NOT so: X went the other way" in said and "What to do: " in said and "nobody may go on with it" in said
+    assert "Start?" not in said and not (cell / "program").exists()
+    if words == ("run",):  # a stylus that hangs aside is seen by whoever is there
+        add_proofs(cell, "fanuc", [Proof("directions", "PASS", "seen", profile=key["directions"])])
+        add_proofs(cell, "fanuc", [Proof("deflected", "FAIL", "it went on", profile=key["deflected"])])
+        assert call(*words, "-C", cell) != 2
+        said = capsys.readouterr().err
+        assert "Start?" in said and "It is NOT so: it went on. What to do: " in said
+
+
+@pytest.mark.parametrize(
+    ("typed", "times", "offered"), [(["", "maybe", "YES", "n"], 3, False), (["No"], 1, False), (["?", "Y"], 1, True)]
+)
+def test_enter_is_no_answer_to_whether_the_probe_is_heard(
+    cell: Path, capsys: pytest.CaptureFixture[str], at_a_terminal: list[str], typed: list[str], times: int, offered: bool
+) -> None:
+    """Enter alone was 'not seen', and the program was offered as after a yes; 'yes', 'Y' and 'N' were refused."""
+    stating(cell, post="fanuc", port="socket://127.0.0.1:9", probe_state="none")
+    at_a_terminal += typed
+    assert call("commission", "-C", cell) != 0
+    said = capsys.readouterr().err
+    assert said.count("does the control show the signal come and go") == times
+    assert ("Start?" in said, "Nothing was sent" in said) == (offered, not offered)

@@ -13,6 +13,7 @@ import click
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
+from ._asking import answered
 from ._beside import alone, beside
 from ._commission_record import record_of
 from ._commission_second import Ready, at_quarter, file_of, held_aside, unasked
@@ -385,12 +386,9 @@ def _asked(questions: dict[str, dict[str, str]], how: str) -> dict[str, dict[str
     said: dict[str, dict[str, bool]] = {}
     for belief, each in questions.items():
         for what, text in each.items():
-            answer = "y"
-            if how == "ask":
-                kinds = click.Choice(["y", "n", "?"])
-                answer = click.prompt(f"{text} y yes, n no, ? not seen", type=kinds, default="?", show_choices=False, err=True)
-            if answer != "?":
-                said.setdefault(belief, {})[what] = answer == "y"
+            answer = answered(text) if how == "ask" else True
+            if answer is not None:
+                said.setdefault(belief, {})[what] = answer
     return said
 
 
