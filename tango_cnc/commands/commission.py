@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -155,8 +155,10 @@ def command(
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
-    _announced(at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
-    seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
+    slow, settled = feed if "directions" in wanted else None, sorted(known.keys() - wanted)
+    seen, control = at.tried(
+        made, programs, confirm=lambda *_: _announced(at, slow, settled, questions)
+    )  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=moves.largest, stored=file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
@@ -200,12 +202,13 @@ class _Control:
         patience: float | None = None,
         start: float | None = None,
         ready: Ready = unasked,
+        confirm: Callable[[Any, Any], None] = lambda *_: None,
     ) -> tuple[Any, str]:
         """plan, its programs, s of silence and s for the start mark where they are not those of the command, what is asked when
-        the control has the program → what came, what the control calls itself.
+        the control has the program, what before that, when its port is open → what came, what the control calls itself.
         """
         begins = start or start_patience(self.someone)
-        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins, ready)
+        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins, ready, confirm)
 
 
 def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, Any], float | None]:
@@ -320,6 +323,7 @@ def _tried(
     timeout: float | None,
     start: float,
     ready: Ready,
+    confirm: Callable[[Any, Any], None],
 ) -> tuple[Any, str]:
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
@@ -338,7 +342,7 @@ def _tried(
             address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again
         )
         try:
-            measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None, ready=ready)
+            measure(cell, made, wanted, lambda part: programs, _told, confirm, ready=ready)
         except LinkError as error:
             why = str(error)
             if not journal.exists() or journal.read_bytes() == earlier:
