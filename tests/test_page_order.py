@@ -21,12 +21,14 @@ from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.lengths import as_seen_last
 from tango_cnc.nightly.standing import by_urgency, standing
+from tango_cnc.report.days import day
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.tonight import by_tonight
 from tango_cnc.report.units import Units
 from tango_cnc.texts import joined, say
+from tango_cnc.texts.number import number
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -203,3 +205,15 @@ def test_a_night_that_measured_nothing_keeps_the_length_that_the_last_one_has_se
     assert told["total"] == 0.021 and told["now"] == f"it was 21.0 ± 1.0 µm in the night ending {records[1]['night']}"
     assert by_tonight(told)["on_part_um"] == pytest.approx(2 * 21.0)
     assert as_seen_last([old], records[:1]) == [old] and as_seen_last([old | {"cause": "table"}], [])[0]["total"] is None
+
+
+def test_a_night_that_hardly_knows_how_far_it_is_by_now_gives_no_other_number() -> None:
+    """-35.7 ± 37.8 µm of a change of −30 µm: the list and every page said that it had moved by −36 µm."""
+    date = night(M, 9)["night"]
+    old = alarm(2, -29.9, total=-0.0357, now=say("night.alarms.still_there", told=number(-35.7, "µm", 37.8)))
+    (found,) = faults(night(M, 9, "changed", standing=[old]), (), {}, Units(), texts())
+    assert "by −30 µm" in found["text"] and "36" not in found["text"] and found["on_part_um"] == pytest.approx(59.8)
+    assert f"How much of it is there by now, the night ending {day(date, texts())} could not tell." in found["text"]
+    sure = old | {"now": say("night.alarms.still_there", told=number(-35.7, "µm", 0.4))}
+    (found,) = faults(night(M, 9, "changed", standing=[sure]), (), {}, Units(), texts())
+    assert "by −36 µm" in found["text"]

@@ -27,7 +27,7 @@ from .later import after, no_after, yes_after
 from .may import Told, grown, may, parts_first
 from .orders import by_night
 from .plain import digits, office, shop, tilt, to_type, value_text
-from .states import of_night, since_then
+from .states import as_probed, of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, code, texts, texts_of
 from .units import Units, shown
@@ -80,7 +80,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "run": said.run,
         "trust": trust,
         "trusted": sentence(trust, t, f.judgement.untrusted),
-        "since_then": since_then(f, t),
+        "since_then": " ".join(x for x in (as_probed(f, t), since_then(f, t)) if x),
         "todo": list(dict.fromkeys(shop(text, t) for text in do)),
         "office": to_type([line for text in do if (line := office(text, t))], f.cell.folder.resolve().name, t),
         "largest": parameters(f, t, most=LARGEST),

@@ -83,13 +83,18 @@ def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
     text = RATE.sub(lambda m: _rate(m[1].replace("-", "−"), float(m[2]), m[3], u), text)
-    text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
+    text = SPREAD.sub(lambda m: _directed(m[1].replace("-", "−"), length(float(m[2]), u)), text)
     text = KELVIN.sub("−", text)
     told, at = [], 0
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
         at = match.end()
     return spoken_days("".join([*told, u.sentence(text[at:])]), t)
+
+
+def _directed(sign: str, size: str) -> str:
+    """sign or nothing, size for people → the same; what is rounded to nothing has no sign."""
+    return size if float(size.split()[0]) == 0.0 else f"{sign}{size}"
 
 
 def _rate(sign: str, size: float, unit: str, u: Units) -> str:
@@ -121,7 +126,8 @@ def amount(value: float, unit: str, u: Units, t: Texts) -> str:
 
 def signed(value: float, unit: str, u: Units, t: Texts) -> str:
     """number in µm, µrad or µm/m, units, texts → the same with the direction in which it moved: −9.2 µm. A tilt has no sign."""
-    return amount(value, unit, u, t) if unit in ("µrad", "µm/m") else f"{'−' if value < 0 else '+'}{amount(value, unit, u, t)}"
+    size = amount(value, unit, u, t)
+    return size if unit in ("µrad", "µm/m") else _directed("−" if value < 0 else "+", size)
 
 
 def rounded(value: float) -> str:

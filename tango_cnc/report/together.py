@@ -14,7 +14,7 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import WARMED, has_grown, is_gone, is_unseen, with_effect
+from .tonight import WARMED, hardly_known, has_grown, is_gone, is_unseen, std_now, with_effect
 from .units import Units, shown
 from .words import moved, spoken, unit_of
 
@@ -62,7 +62,7 @@ class _Story:
     @property
     def has_moved_on(self) -> bool:
         """→ whether what stands is another size than the oldest alarm found."""
-        return bool(self.own) and (self.drifts or has_grown(self.every, self.own, self.same[0].get("std")))
+        return bool(self.own) and (self.drifts or has_grown(self.every, self.own, self.same[0].get("std"), std_now(self.same[0])))
 
 
 def together(
@@ -191,6 +191,9 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
     same, t = story.same, how.t
     if len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
         return {"text": f"{first['text']} {t('morning.twice')}"}
+    if first["older"] and hardly_known(first) and not how.old:
+        still = how.t("morning.hardly_known", date=day(how.known_of, t))
+        return {"still": still, "text": f"{first['text']} {still}"}
     if first["older"] and first.get("now") and not how.old:
         now = plain(_confirmed_on(first["now"], how.known_of, t), how.u, t, how.machine)
         dated = bool(how.known_of) and _of_two_nights(first["now"])
