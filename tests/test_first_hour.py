@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import shutil
 from pathlib import Path
@@ -95,6 +96,7 @@ def test_a_port_that_no_run_can_use_is_refused_before_any_work(
     def worked(*_: object, **__: object) -> None:
         raise AssertionError("it has begun")
 
+    importlib.import_module("tango_cnc.link.measure")  # else it would keep what stands in for the port
     monkeypatch.setattr(WHERE[command], worked)
     assert call(*command.split(), "-C", cell, "--port", port) == 2
     said = capsys.readouterr().err

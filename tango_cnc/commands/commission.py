@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -155,10 +156,8 @@ def command(
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
-    slow, settled = feed if "directions" in wanted else None, sorted(known.keys() - wanted)
-    seen, control = at.tried(
-        made, programs, confirm=lambda *_: _announced(at, slow, settled, questions)
-    )  # also brings the axes to where a hand is safe
+    asks = partial(_announced, at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
+    seen, control = at.tried(made, programs, confirm=asks)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=moves.largest, stored=file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
@@ -244,7 +243,7 @@ def _before(programs: Sequence[Any], *texts: str) -> None:
         click.echo(f"before it: {text}")
 
 
-def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
+def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any], *_: Any) -> None:
     """control, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
     from ..commission.above import said
 

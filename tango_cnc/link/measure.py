@@ -127,8 +127,7 @@ def measure(
         _announced(watch, task, said)
         ready(program, client.brought)
 
-    # Nobody is asked about a port that does not open; and what is started before the answer is none of before this run.
-    transport = _opened(address)
+    transport = _opened(address)  # before the question: what is started before its answer is none of before this run
     try:
         agreed(1)
         if not tasks[0].quiet:
