@@ -7,6 +7,7 @@ import importlib
 import os
 import pkgutil
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -115,7 +116,8 @@ def _folder(error: click.UsageError) -> str:
         return ""
     if extra and "://" in extra[1] and any("--port" in option.opts for option in error.ctx.command.params):
         return f"The port goes behind --port: {error.ctx.command_path} --port {extra[1].split()[0]}"
-    return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
+    folder = extra[1] if extra and Path(extra[1]).is_dir() else extra[1].split()[0] if extra else "DIR"  # one may have a blank
+    return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {shlex.quote(folder)}"
 
 
 def _advise(sentence: str) -> None:

@@ -40,8 +40,10 @@ def judged(
     source: Path | None = None,
     run: Mapping[str, Any] | None = None,
     origin: Origin | None = None,
+    explain: bool = True,
 ) -> tuple[Estimate, Judgement]:
-    """cell, readings, terms → estimate with the noise that its residuals show, and judgement.
+    """cell, readings, terms → estimate with the noise that its residuals show, and judgement; without the mistake that explains
+    a bad one where `explain` is False.
 
     `source`: the file of the readings, which says where they come from. `run`, `origin`: what is beside it, where it was read
     before.
@@ -64,7 +66,7 @@ def judged(
         judgement = judge(cell, readings, None, run=run)
         why = "the touches contradict each other so much that their scatter cannot be estimated"
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
-    judgement = judge(replace(cell, terms=tuple(terms)), readings, result, run=run)
+    judgement = judge(replace(cell, terms=tuple(terms)), readings, result, run=run, explain=explain)
     return result, judgement if origin is None else traced(judgement, origin, cell.folder)
 
 

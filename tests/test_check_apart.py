@@ -33,6 +33,14 @@ def test_exactly_as_far_as_asked_is_not_proven_and_a_little_more_is(steps: int, 
         assert (apart(upper, at, lower, there, gap - radii + more) == proven).all()
 
 
+@pytest.mark.parametrize("steps", [24, 0])
+def test_two_points_at_one_place_are_not_apart(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between them is no way in which anybody could look for a distance."""
+    monkeypatch.setattr("tango_cnc.check.apart.STEPS", steps)
+    point, here = Round(np.zeros((1, 3))), Placed(np.eye(3)[None], ASIDE[None, None])
+    assert not apart(point, here, point, here, np.zeros(1)).any()
+
+
 def test_the_walk_alone_decides_what_is_clear(monkeypatch: pytest.MonkeyPatch) -> None:
     """The nearest point is worked out for few poses only: a hundred times as slow, it is left to what is nearly as far as asked."""
     monkeypatch.setattr("tango_cnc.check.apart._nearest", lambda *args: pytest.fail("the walk has not decided"))

@@ -71,6 +71,13 @@ def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
 
 
+@pytest.mark.parametrize("part", HELD)
+def test_a_box_right_at_the_distance_that_is_kept_is_not_too_near(part: str) -> None:
+    """A probe along a wall with just that air is one that a person has drawn so."""
+    passes, hits = (refusal(replace(FLOATING, obstacles=(box(part, HELD[part] + LOOK - less),))) for less in (0.0, 0.001))
+    assert not passes and f"the {part} would hit obstacle 1" in hits
+
+
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_what_carries_the_probe_ends_where_it_ends(beyond: float) -> None:
     """A beam over the machine is no obstacle to a probe that stands below it."""

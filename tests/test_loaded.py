@@ -17,6 +17,7 @@ from tango_cnc.report.checks import _limit
 from tango_cnc.report.compensated import as_loaded, dated, held
 from tango_cnc.report.facts import Facts, LoadedCompensation, NewestNight
 from tango_cnc.report.faults import faults
+from tango_cnc.report.states import as_probed
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say
@@ -168,6 +169,10 @@ def test_a_report_names_the_newest_and_what_is_off_its_limit() -> None:
     f.wishes = SimpleNamespace(limit=0.045, units=Units())
     said = _limit(cast(Facts, f), texts()).text
     assert "what compensation 1 (fanuc) takes away" in said and "compensation 3 (fanuc) is in the control (undecided)" in said
+    told = as_probed(cast(Facts, f), texts())  # a tool tip of 3.4 µm stood above a spindle that is off by 35 µm
+    assert told.startswith("Compensation 1 (fanuc) is in the control") and told.endswith("Enter none of these values.")
+    f.control = None
+    assert as_probed(cast(Facts, f), texts()) == ""
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,12 @@ from tango_cnc.nightly.words import changed, headline
 from tango_cnc.records import InputError
 from tango_cnc.report.may import parts_first
 from tango_cnc.report.morning import context, who_of
+from tango_cnc.report.plain import plain, signed
 from tango_cnc.report.reach import to_ask
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+from tango_cnc.texts.number import number
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
@@ -190,3 +193,11 @@ def test_a_headline_about_a_limit_has_the_date_of_the_night_that_found_it(since:
 def test_an_answer_among_the_alarms_stands_behind_its_question(tmp_path: Path) -> None:
     """Below "Open alarms" the heading "trunnion No" read as no alarm."""
     assert re.search(rf"{M} May I make parts\? (?:No|Yes, but)", read(cell(tmp_path / "one", records=story("changed")), "/alarms"))
+
+
+def test_nothing_has_no_sign() -> None:
+    """ "The whole error is −0 µm", "-0.0 ± 0.3 µm is left"."""
+    u, t = Units(), texts()
+    assert number(-0.04, "µm", 0.3) == "+0.0 ± 0.3 µm" and number(-0.04, "µm", signed=False) == "0.0 µm"
+    assert plain("it is -0.04 ± 0.3 µm, X +0.0 µm, Y -0.6 µm", u, t) == "it is 0 µm, X 0 µm, Y −0.6 µm"
+    assert (signed(-0.02, "µm", u, t), signed(-0.6, "µm", u, t)) == ("0 µm", "−0.6 µm")

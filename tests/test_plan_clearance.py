@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from tango_cnc import check
 from tango_cnc.plan import plan, sweep
 from tango_cnc.plan.build import attempt
 from tango_cnc.plan.clearance import MARGIN
+from tango_cnc.plan.guard import TRAVEL, Guard
 from tango_cnc.plan.places import Places, nowhere, scene
 from tango_cnc.plan.travel import DROP
-from tango_cnc.plan.ways import lifts
-from tango_cnc.records import InputError
+from tango_cnc.plan.ways import RISES, lifts
+from tango_cnc.records import InputError, Machine
 
 
 def test_where_no_lift_takes_the_probe_clear_the_indexation_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,6 +53,35 @@ def test_the_clear_level_is_above_every_stand_off_and_above_all_that_stands_on_t
         highest = height[at == index].max()
         top = check.solid(made.artefact).top(up[at == index][:1])[0] + made.machine.probe.tip_radius
         assert level[index] == pytest.approx(max(highest + DROP, top + MARGIN))
+
+
+class InTheWay:
+    """A guard of a machine on which one thing stands, its first pair: at these angles of B it is passed so high."""
+
+    def __init__(self, made: Machine, high: dict[int, float]) -> None:
+        self.b, self.z, self.high = made.column("B"), made.column("Z"), high
+
+    def meets(self, places: np.ndarray, margin: int) -> np.ndarray:
+        assert margin == TRAVEL
+        high = [self.high.get(round(angle), -np.inf) for angle in np.degrees(places[:, 0, self.b])]
+        return np.where(places[:, :, self.z].min(axis=1) < high, 0, -1)
+
+
+def test_the_clear_level_of_an_indexation_is_raised_as_far_as_what_is_in_the_way_there_asks_for() -> None:
+    """By the first rise that helps; nothing else is raised, and the ways between its touches go at that level."""
+    made = cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 30}, {"B": -40}])
+    shared = scene(made.machine, made.artefact, made.strategy)
+    facet, at = np.tile(np.arange(3), 3), np.repeat([0, 1, 2], 3)
+    free, level = lifts(shared, facet, at)
+    standoff, up = shared.standoff(facet, at)
+    z = shared.axes(at, (standoff + free[0][:, None] * up)[None])[0][:, made.machine.column("Z")]
+    guard = InTheWay(made.machine, {30: z[3] + RISES[1] - 1.0, -40: z[6] + RISES[3] - 1.0})
+    raised, higher = lifts(replace(shared, guard=cast(Guard, guard)), facet, at)
+    assert higher - level == pytest.approx([0.0, RISES[1], RISES[3]])
+    assert raised[0] - free[0] == pytest.approx(np.repeat([0.0, RISES[1], RISES[3]], 3))
+    assert raised[:, at == 0] == pytest.approx(free[:, at == 0])
+    for first in (3, 4, 6, 7):  # touches that the next one follows at the same angles: up, over and down at that level
+        assert raised[2, first] == pytest.approx(raised[0, first]) and raised[1, first + 1] == pytest.approx(raised[0, first + 1])
 
 
 @pytest.mark.parametrize(

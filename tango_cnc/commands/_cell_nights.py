@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -130,9 +129,9 @@ def timed(made: Plan) -> Timed:
     return Timed(numbers, indexation, touch + rest, turn)
 
 
-def again(folder: Path) -> str:
-    """folder of a cell → who makes what a night has not made: no run goes on with the readings of a night."""
-    return say("night.again", cell=shlex.quote(str(folder.resolve())))
+def again() -> str:
+    """→ who makes what a night has not made: no run goes on with the readings of a night."""
+    return say("night.again")
 
 
 def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> NightDoubt:
@@ -161,7 +160,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
         found, walk = judge(cell, readings, plain, search=False, alone=kind == "full", agrees=agrees), 0.0
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
     resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
-    reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
+    reasons = tuple(instead(r, resume, again()) for r in found.reasons)
     crept = next((r for r in found.remarks if isinstance(r, Said) and r.key == CREPT), "")
     return NightDoubt(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
 

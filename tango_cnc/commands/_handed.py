@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,12 +14,7 @@ import click
 from click.core import ParameterSource
 
 from ..records import TangoError
-
-COMMAND = re.compile(  # to be typed, and not named as who wrote a file or is at work; a word of it may be quoted for the shell
-    r"(?<!what )(?<!that )(?<!as )(?<!As )'(tango [a-z][a-z0-9-]*(?: (?:'[^']*'|[^'\s]+))*)'(?! \(process)"
-)
-
-DOER = re.compile(r"\b(?:of|by|a|another|the next|while) $", re.IGNORECASE)  # before the name of one
+from ..texts.handed import remade
 
 
 def typed(*without: str) -> str:
@@ -47,11 +41,7 @@ def whole(said: str, kept: Kept = NOTHING, **places: object) -> str:
     One without options that the sentence names as who has done or made something stays as it is.
     """
 
-    def found(one: re.Match[str]) -> str:
-        doer = one[1].count(" ") == 1 and DOER.search(said[: one.start()])
-        return one[0] if doer else _quoted(one[1], kept, places)
-
-    return COMMAND.sub(found, said)
+    return remade(said, lambda words: _whole([str(places.get(word, word)) for word in words], kept))
 
 
 @contextmanager
@@ -76,16 +66,6 @@ def hands(kept: Kept) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         return called
 
     return decorated
-
-
-def _quoted(command: str, kept: Kept, places: Mapping[str, object]) -> str:
-    """a command as a sentence has it → the same, whole, in quotation marks that it does not have itself."""
-    try:
-        words = [str(places.get(word, word)) for word in shlex.split(command)]
-    except ValueError:  # quotation marks of a sentence, not of a shell
-        return f"'{command}'"
-    found = _whole(words, kept)
-    return f'"{found}"' if "'" in found else f"'{found}'"
 
 
 def _whole(words: Sequence[str], kept: Kept) -> str:

@@ -322,7 +322,7 @@ class RealControl:
                 misses=misses_of(self.cell, post),
                 counted=counts(post),
                 simulated=self.simulated,
-                then=str(again(self.cell.folder)),
+                then=again(),
                 quiet=silence_after(newest_run(self.cell.folder, self.stamp)[1], self.whole),
                 feed=positioning_feed(self.cell),
             )

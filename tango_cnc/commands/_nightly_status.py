@@ -36,6 +36,7 @@ from ..state.changes import change
 from ..texts import say
 from ._answered import answer_now, run_without_report
 from ._common import fitted, on_terminal, table, write_json
+from ._handed import whole
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
 
@@ -141,8 +142,8 @@ def status(
     except TangoError as error:
         wrong = wrong or error
     place = history_of(folder, settings, where)
-    with opened(looked_at(place)) as whole:
-        history = whole.as_of(lambda: datetime.now(UTC))
+    with opened(looked_at(place)) as all_of_it:
+        history = all_of_it.as_of(lambda: datetime.now(UTC))
         name = name or machine_of(folder, history.machines())
         found = _read(history, name, folder, settings, place, disk, None if wrong is None else str(wrong))
         if json_file is None or found.newer is not None:
@@ -154,9 +155,9 @@ def status(
         first, *lines = _lines(found, folder, where, t)
         told = _answer(folder, found, t)
         ran = t("web.ran_since", date=at(found.ran, t)) if found.ran and found.left is None else ""
-        do = t("web.ran_since_do", folder=str(folder))
+        do = t("web.ran_since_do")
         for line in (first, *([f"  {told}"] if told else []), *([f"  {ran} {do}"] if ran else []), *lines):
-            click.echo(fitted(line))
+            click.echo(fitted(whole(line)))
     return int(found.wants_somebody)
 
 

@@ -20,6 +20,8 @@ from ..plausible import ORDER, without_fit
 from ..records import Cell, Readings, TangoError, TermItem
 from ..texts import say
 
+EXPLAINED = 3  # runs: as many as a person reads suspicions
+
 
 def judged_apart(
     cell: Cell,
@@ -33,7 +35,7 @@ def judged_apart(
 
     The touches without weight are then those that have none in the fit of their own run. What no fit is needed to see is judged
     of all runs together: a day that repeats an earlier one, rows that somebody edited. One run, or runs that fit one machine:
-    nothing changes.
+    nothing changes. What explains a run that is not to be believed is looked for in the worst `EXPLAINED` of them.
     """
     estimate, whole = together
     runs = list(_runs(readings))
@@ -45,9 +47,10 @@ def judged_apart(
     verdicts, nothing, unused = [rows.verdict], False, set[tuple[int, int, int]]()
     first: Estimate | None = None
     of_first: tuple[str, ...] = ()
+    bad = list[tuple[int, int, int, Readings]]()
     for day, cycle, one in runs:
         try:
-            found, own = judged(cell, one, terms, degree)
+            found, own = judged(cell, one, terms, degree, explain=False)
         except TangoError:
             return together
         if first is None:
@@ -56,11 +59,14 @@ def judged_apart(
         reasons += [say("repeated.of_run", day=day, cycle=cycle, text=text) for text in own.reasons]
         untrusted |= set(own.untrusted)
         nothing |= own.nothing
-        suspicions += [replace(s, text=say("repeated.of_run", day=day, cycle=cycle, text=s.text)) for s in own.suspicions]
+        bad += [(-ORDER.index(own.verdict), day, cycle, one)] if own.verdict != "trustworthy" else []
         unused |= {(day, cycle, int(n)) for n in found.model.touches.number[found.unused]}
     verdict = max(verdicts, key=ORDER.index)
     if ORDER.index(verdict) >= ORDER.index(whole.verdict) and nothing >= whole.nothing:
         return together
+    for _, day, cycle, one in sorted(bad, key=lambda b: b[0])[:EXPLAINED]:
+        _, own = judged(cell, one, terms, degree)
+        suspicions += [replace(s, text=say("repeated.of_run", day=day, cycle=cycle, text=s.text)) for s in own.suspicions]
     touches = estimate.model.touches
     each = zip(touches.day.tolist(), touches.cycle.tolist(), touches.number.tolist(), strict=True)
     out = np.array([one in unused for one in each], dtype=np.bool_)

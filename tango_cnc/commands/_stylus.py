@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from ..estimate import Estimate
-from ..iso230.doubt import lengths
 from ..plan import by_stylus, last_motion
 from ..records import Cell, InputError, Plan, TermItem
 from ..touches import Touches, of_facets
 from ._common import Decorator
+
+if TYPE_CHECKING:
+    from ..estimate import Estimate
 
 LONGER = 60.0  # mm
 STEPS = (5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0)  # mm, differences of length that are tried
@@ -89,6 +90,8 @@ def by_length(touches: Touches, terms: Sequence[TermItem], degree: int) -> dict[
     many touches with styli as long as the first would not decide; where they differ by little, the least difference that adds
     some, and what `LONGER` mm would add.
     """
+    from ..iso230.doubt import lengths  # with it come fits, and commands beside a machine make none
+
     long = lengths(touches)
     first, apart = long[0], max(long) - min(long)
     equal = set(_decided(_as_long(touches, first, 0.0), terms, degree))
@@ -123,6 +126,8 @@ def lengths_said(found: dict[str, Any], named: Callable[[Sequence[str]], str]) -
 
 def alike_said(result: Estimate, terms: Sequence[TermItem], degree: int) -> str:
     """estimate, its terms, degree → that the styli are too much of one length to part anything; nothing where they are not."""
+    from ..iso230.doubt import lengths
+
     long = lengths(result.model.touches)
     if len(long) < 2 or max(long) - min(long) >= LONGER:
         return ""

@@ -17,6 +17,7 @@ import click
 
 from ..files.checked import read_text
 from ..records import InputError
+from ._handed import pasted
 
 MOST = 200  # modules of one post
 RUN = (".py", ".pyc", ".so", ".pyd", ".pth")  # what Python may run for a name
@@ -125,5 +126,5 @@ def needed(file: Path) -> None:
             return
     raise InputError(
         f"{file}{_listed(file)}: this post is a program (SHA-256 {short}…), and you have not trusted it; nothing of it was run. "
-        f"Read it, then 'tango trust {file}'"
+        f"Read it, then 'tango trust {pasted(file)}'"
     )

@@ -303,7 +303,7 @@ def _measure(folder: Path, kept: loop.Kept) -> str:
     short = [
         f"{here} --short-check {kept.number}{how if alone else ''}",
         f"  tango run -C {pasted(check)}",
-        f"{here} --measured {kept.number} --readings {check / 'readings.csv'}{how}",
+        f"{here} --measured {kept.number} --readings {pasted(check / 'readings.csv')}{how}",
         "or with the whole strategy, which says more:",
     ]
     lines = [

@@ -32,7 +32,7 @@ from ..segments import offsets
 from ..verify import held_out
 from . import _scales
 from ._common import ahead, cell_option, json_option, table, write_json
-from ._handed import printed
+from ._handed import pasted, printed
 from ._stylus import alike_said
 from ._trust import despite_option, members, status, told
 from .iso230 import thermal_of
@@ -173,7 +173,7 @@ def _interrupted(source: Path) -> None:
         count = max(len(left.read_bytes().splitlines()) - 1, 0)
         raise InputError(
             f"{source}: no such file; the run was interrupted, and {left.name} has its {count} touches: go on with "
-            f"'tango run {resumed(source.with_suffix('.journal'))}', or look at what there is with --readings {left}"
+            f"'tango run {resumed(source.with_suffix('.journal'))}', or look at what there is with --readings {pasted(left)}"
         )
 
 

@@ -13,7 +13,7 @@ from ..files.readjson import read_json
 from ..records import InputError
 from ..report.days import ended_at
 from ._common import Output, cell_option, json_option, table, write_json
-from ._handed import printed
+from ._handed import pasted, printed
 from ._plan import obstructed_option
 
 if TYPE_CHECKING:
@@ -73,7 +73,9 @@ def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
         said = complaints or [f"{file}: {len(found.lines)} lines, every one as it was written{half}"]
         click.echo("\n".join(said))
         if complaints:
-            printed(f"'tango journal salvage {file} --out FILE.csv' saves the readings of the lines that are whole", err=True)
+            printed(
+                f"'tango journal salvage {pasted(file)} --out FILE.csv' saves the readings of the lines that are whole", err=True
+            )
     return 1 if complaints else 0
 
 

@@ -20,6 +20,7 @@ from ..report.texts import Texts
 from ..texts import say
 from ._beside import alone, stated
 from ._common import address_of, attended, cell_option, controller_of, dialect, json_option, write_json
+from ._handed import printed
 from ._shop import looked_at, of_shop
 
 PLACE = "Keep 10"
@@ -279,9 +280,9 @@ def _tell(disk: Any, mail: Any, t: Texts) -> int:
         for delivery in deliveries:
             if not delivery.sent:
                 failed += 1
-                click.echo(t("cli.nightly.not_sent", to=delivery.to, why=delivery.why), err=True)
+                printed(t("cli.nightly.not_sent", to=delivery.to, why=delivery.why), err=True)
     for stamp, _ in disk.unfinished():
-        click.echo(t("cli.nightly.unfinished", stamp=stamp), err=True)
+        printed(t("cli.nightly.unfinished", stamp=stamp), err=True)
     return 3 if failed else 0
 
 
@@ -302,11 +303,11 @@ def _dry(
     }
     if not write_json(json_file, data):
         what = t("cli.nightly.touches", count=count) if touches else t("cli.nightly.whole") if kind == "full" else "check.yaml"
-        click.echo(t("cli.nightly.would_be", kind=code(kind), why=why, what=what))
+        printed(t("cli.nightly.would_be", kind=code(kind), why=why, what=what))
         room_for = max(len(t("cli.nightly.ok")), len(t("cli.nightly.failed")))
         for p in points:
             word = t("cli.nightly.ok" if p.passed else "cli.nightly.failed")
             name = t(f"check_name.{p.check}") if f"check_name.{p.check}" in t else p.check
-            click.echo(f"  {word:<{room_for}} {name}: {t.of(p.found)}{'; ' + t.of(p.do) if p.do else ''}")
+            printed(f"  {word:<{room_for}} {name}: {t.of(p.found)}{'; ' + t.of(p.do) if p.do else ''}")
         click.echo(t("cli.nightly.nothing_moved"))
     return 0 if data["passed"] else 1

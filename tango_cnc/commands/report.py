@@ -39,7 +39,7 @@ from ..texts import Said, joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
-from ._handed import pasted
+from ._handed import pasted, whole
 from ._progress import said
 from ._trust import despite_option, members, status, told
 from .iso230 import at_20
@@ -172,8 +172,8 @@ def command(
     data |= {"limit_um": allowed, "limit_from": source_of, "limit_nightly_um": stated}
     data |= {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
     if not write_json(json_file, data | members(overall(judgement, found))):
-        click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)
-        click.echo(terminal.summary(found, t=texts_of(templates)))
+        click.echo("".join(f"{whole(line)}\n" for line in told(judgement)), nl=False)
+        click.echo(terminal.summary(found, t=texts_of(templates), handed=whole))
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit

@@ -18,7 +18,7 @@ from ..plan import by_stylus, last_moves, plan, reachable
 from ..records import Array, Cell, InputError, Readings, Strategy
 from ._beside import beside
 from ._common import Output, cell_option, json_option, write_json
-from ._handed import printed
+from ._handed import pasted, printed
 
 PLACE = "Measure 60"  # in the list of commands
 
@@ -149,7 +149,8 @@ def command(
         write_origin(target, folder, "simulated", kept, {"left_out_touches": left_out} if left_out else None)
     if output is None and (folder / MEASURED).exists():
         click.echo(
-            f"{folder / MEASURED} was measured and stays what commands read; --readings {target} reads the simulated ones", err=True
+            f"{folder / MEASURED} was measured and stays what commands read; --readings {pasted(target)} reads the simulated ones",
+            err=True,
         )
     counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}
     result = {

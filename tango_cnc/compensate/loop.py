@@ -141,7 +141,8 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
 def afterwards(cell: Path, number: int, proposal: Proposal, by_hand: Sequence[str]) -> list[str]:
     """cell, number, proposal, steps for kinematics alone → what a person does once the files are in the control, in order."""
     here = f"tango compensate -C {shlex.quote(str(cell))}"
-    own = shlex.quote(str(cell / FOLDER / f"{CHECK}{number:03d}"))
+    place = cell / FOLDER / f"{CHECK}{number:03d}"
+    own, readings = shlex.quote(str(place)), shlex.quote(str(place / "readings.csv"))
     changed = [h for h in proposal.held if proposal.numbers[h.place] != proposal.present[h.place]]
     if by_hand:
         return [f"Note it: {here} --written {number}", *by_hand]
@@ -149,7 +150,7 @@ def afterwards(cell: Path, number: int, proposal: Proposal, by_hand: Sequence[st
     return [
         f"Note it: {here} --written {number}",
         f"Look whether it has helped, by a few touches that it changes most: {here} --short-check {number}, then "
-        f"tango run -C {own}, then {here} --measured {number} --readings {own}/readings.csv{how}",
+        f"tango run -C {own}, then {here} --measured {number} --readings {readings}{how}",
     ]
 
 

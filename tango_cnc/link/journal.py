@@ -13,6 +13,7 @@ import contextlib
 import hashlib
 import json
 import os
+import shlex
 import stat
 import zlib
 from collections.abc import Collection
@@ -201,14 +202,14 @@ def read_on(file: Path, known: ReadSoFar | None = None) -> ReadSoFar:
     data, known = _bytes(file, known)
     found = _looked_at(data, known)
     if (bad := found.wrong) is not None:
+        salvage = f"'tango journal salvage {shlex.quote(str(file))}'"
         if b"\r\n" in data and (whole := look_at(file)).returns and whole.wrong is None:
             raise InputError(
-                f"{file}: {RETURNS}. Make them LF again (dos2unix {file}), then --resume goes on; "
-                f"'tango journal salvage {file}' saves the readings as they are"
+                f"{file}: {RETURNS}. Make them LF again (dos2unix {shlex.quote(str(file))}), then --resume goes on; "
+                f"{salvage} saves the readings as they are"
             )
         raise InputError(
-            f"{file}:{bad.number}: {bad.wrong}. 'tango journal salvage {file}' saves the readings before and after it; "
-            "then start anew without --resume"
+            f"{file}:{bad.number}: {bad.wrong}. {salvage} saves the readings before and after it; then start anew without --resume"
         )
     if not found.lines:
         return known

@@ -11,7 +11,7 @@ import numpy as np
 from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone, is_over, is_unseen, only_set_up, shows
+from ..report.tonight import is_gone, is_over, is_unseen, only_set_up, shows, size_of
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -200,7 +200,7 @@ def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, bool, bool, float]:
     answered = alarm["decision"] is not None
     over = is_over(alarm), bool(alarm.get("undoes"))
     probe = only_set_up(alarm) and change(alarm["cause"]).of_the_probe
-    return *over, answered, probe, -abs(alarm["on_part_um"] or 0.0) * grown
+    return *over, answered, probe, -size_of(alarm) * grown
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:

@@ -67,12 +67,14 @@ def judge(
     run: Mapping[str, Any] | None = None,
     alone: bool = True,
     agrees: bool = False,
+    explain: bool = True,
 ) -> Judgement:
     """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
 
     `search`: look for the mistake where the verdict is not trustworthy. `run`: readings.json, which says
     what the plan left out, so that nobody misses it. `alone`: the estimate rests on these readings only, not on earlier nights.
     `agrees`: these touches are where earlier nights predicted them, so that a pattern in their residuals has to be surer.
+    `explain`: name the mistake, which takes most of the time and decides nothing of the verdict.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = _rows(cell, readings, touches, run)
@@ -111,7 +113,7 @@ def judge(
     found += _elsewhere(touches)
     verdict = worst([r.verdict for r in found])
     suspicions: tuple[Suspicion, ...] = ()
-    if search and verdict != "trustworthy":
+    if search and explain and verdict != "trustworthy":
         suspicions = _suspicions(cell, readings, found)
     if result is not None and not nothing and (lost := len(set(result.parameters) & set(untrusted))) > len(result.parameters) / 2:
         found.append(Remark("doubtful", say("plausible.judge.most_untrusted", count=lost, all=len(result.parameters))))

@@ -17,13 +17,6 @@ from .units import Units
 from .words import named, spoken
 
 
-def size_of(a: Mapping[str, Any]) -> float:
-    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
-    if a.get("on_part_um") is not None:
-        return abs(float(a["on_part_um"]))
-    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
-
-
 def alarm(
     a: Mapping[str, Any],
     decision: Any,

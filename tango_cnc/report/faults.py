@@ -15,7 +15,7 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from ..texts.number import number
-from .alarm import alarm, asked_since, size_of
+from .alarm import alarm, asked_since
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
@@ -23,7 +23,7 @@ from .reach import instead_of
 from .right import is_right, whole_of, without_compensation, without_full
 from .texts import Texts, code
 from .together import SAME, closed, signed_of, together
-from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen
+from .tonight import LENGTHS, by_tonight, by_verdict, in_the_past, is_gone, is_unseen, size_of
 from .units import Units, shown
 from .words import elsewhere, of_its_night, spoken, subject, unforeseen
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from ..records import InputError, Machine
 from ..state.changes import change
 from ..texts import Said, say
+from ..texts.handed import page_of_cell
 from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
@@ -20,7 +21,7 @@ from .faults import accepted, answered, begun, faults, for_setting_up, of_probe,
 from .newer import NewerAnswer
 from .orders import brief_of, orders
 from .pace import Ahead, ahead
-from .plain import amount, office, plain, reason, shop
+from .plain import amount, office, plain, reason, shop, to_type
 from .reach import or_else
 from .repeated import as_dated, said_of_repair
 from .suspects import beyond_before, suspected
@@ -67,7 +68,8 @@ def render(
     known: dict[str, Any] = {"before": before, "within": within, "never": never, "volumes": volumes, "events": events}
     t = texts_of(folder)
     values = context(record, decisions, units, t, **known, signs=signs, unsure=unsure)
-    return decimals_of_page(rendered(environment(folder), "morning.html", values), t)
+    page = page_of_cell(rendered(environment(folder), "morning.html", values), name_of(record))
+    return decimals_of_page(page, t)
 
 
 def context(
@@ -372,7 +374,12 @@ def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Te
     by_status = {"refused": "night.refused_do", "missed": "morning.missed_todo"}.get(str(record.get("status")))
     told = [record.get("why"), *failed, *((record.get("plausible") or {}).get("reasons") or ()), t(by_status) if by_status else ""]
     told = [office(t.of(x or ""), t) for x in told] + [str(a["office"]) for a in found]
-    return list(dict.fromkeys(x for x in told if x))
+    return to_type([x for x in told if x], name_of(record), t)
+
+
+def name_of(record: Mapping[str, Any]) -> str:
+    """record of a night → name of the folder of its cell, by which its commands find it; '' where it has none."""
+    return PurePath(str(record.get("cell") or "")).name
 
 
 def _begun(told: Answer, found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> str:

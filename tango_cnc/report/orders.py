@@ -51,7 +51,7 @@ def orders(
 
     status, verdict = record.get("status"), record.get("verdict")
     failed = [p for p in record.get("preflight") or () if not p.get("passed")]
-    first = [*orders_of_cut_off(former, t), *([told_here(t("night.moved_do", cell=""))] if record.get("moved") else [])]
+    first = [*orders_of_cut_off(former, t), *([told_here(t("night.moved_do"))] if record.get("moved") else [])]
     first += [parts_first(told, found, t), t("morning.old_todo") if told.old else ""]
     first = [x for x in first if x]
     lines = [told_here(p["do"] or _see_to(p, t)) for p in failed]

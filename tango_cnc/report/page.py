@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning, said, unexplained
 from ..records import Array, Machine
+from ..texts.handed import page_of_cell
 from ..verify.summary import pose_text
 from . import charts, slices
 from .answer import dates_cut_off
@@ -25,8 +26,8 @@ from .figures import iso, iso_at, not_seen, uncertainty, withheld
 from .later import after, no_after, yes_after
 from .may import Told, grown, may, parts_first
 from .orders import by_night
-from .plain import digits, office, shop, tilt, value_text
-from .states import of_night, since_then
+from .plain import digits, office, shop, tilt, to_type, value_text
+from .states import as_probed, of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, code, texts, texts_of
 from .units import Units, shown
@@ -40,7 +41,8 @@ INTERVAL = 1.96  # standard deviations of the band of a trend
 def render(f: Facts, folder: Path | None = None, values: Mapping[str, Any] | None = None) -> str:
     """facts, folder of a shop's templates or None, `context` where it was made before → HTML."""
     t = texts_of(folder)
-    return decimals_of_page(rendered(environment(folder), "report.html", values or context(f, t)), t)
+    page = rendered(environment(folder), "report.html", values or context(f, t))
+    return decimals_of_page(page_of_cell(page, f.cell.folder.resolve().name), t)
 
 
 def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
@@ -78,9 +80,9 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "run": said.run,
         "trust": trust,
         "trusted": sentence(trust, t, f.judgement.untrusted),
-        "since_then": since_then(f, t),
+        "since_then": " ".join(x for x in (as_probed(f, t), since_then(f, t)) if x),
         "todo": list(dict.fromkeys(shop(text, t) for text in do)),
-        "office": list(dict.fromkeys(office(text, t) for text in do if office(text, t))),
+        "office": to_type([line for text in do if (line := office(text, t))], f.cell.folder.resolve().name, t),
         "largest": parameters(f, t, most=LARGEST),
         "parameters": parameters(f, t),
         "setup": _setup(f, t),

@@ -12,6 +12,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ..records import InputError
+from ..texts.handed import of_cell
 from .decimals import decimals, decimals_of_page
 from .facts import Facts
 from .glyphs import note
@@ -76,7 +77,7 @@ def render(
             return f'image("{count}.svg", width: {width})'
 
         t = texts_of(folder)
-        env.filters["q"] = lambda value: Markup(quoted(decimals(str(value), t)))
+        env.filters["q"] = lambda value: Markup(quoted(decimals(of_cell(str(value), f.cell.folder.resolve().name), t)))
         env.filters["image"] = lambda value, width="100%", columns=1: Markup(image(value, width, columns))
         values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES, "no_font": ""}
         source, text = root / "report.typ", rendered(env, "report.typ", values)

@@ -6,10 +6,12 @@ The engineer's part of a page keeps the sentence as it was recorded.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from ..records import Machine
 from ..texts import LIST, Said
+from ..texts.handed import COMMAND as WHOLE
 from ..texts.number import MORE, Number
 from .days import spoken_days
 from .texts import Texts
@@ -67,18 +69,32 @@ def office(text: str, t: Texts) -> str:
     return f"{told[:1].upper()}{told[1:]}"
 
 
+def to_type(lines: Sequence[str], cell: str, t: Texts) -> list[str]:
+    """what the office can do, name of the folder of the cell, texts → each once; where a command is among them, first where it is
+    typed: no page says where that folder is.
+    """
+    told = list(dict.fromkeys(lines))
+    where = t("web.type_where", folder=cell) if cell and any(WHOLE.search(line) for line in told) else ""
+    return [where, *told] if where else told
+
+
 def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     """part of a sentence without a command → the same in the words of the shop."""
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
     text = RATE.sub(lambda m: _rate(m[1].replace("-", "−"), float(m[2]), m[3], u), text)
-    text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
+    text = SPREAD.sub(lambda m: _directed(m[1].replace("-", "−"), length(float(m[2]), u)), text)
     text = KELVIN.sub("−", text)
     told, at = [], 0
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
         at = match.end()
     return spoken_days("".join([*told, u.sentence(text[at:])]), t)
+
+
+def _directed(sign: str, size: str) -> str:
+    """sign or nothing, size for people → the same; what is rounded to nothing has no sign."""
+    return size if float(size.split()[0]) == 0.0 else f"{sign}{size}"
 
 
 def _rate(sign: str, size: float, unit: str, u: Units) -> str:
@@ -110,7 +126,8 @@ def amount(value: float, unit: str, u: Units, t: Texts) -> str:
 
 def signed(value: float, unit: str, u: Units, t: Texts) -> str:
     """number in µm, µrad or µm/m, units, texts → the same with the direction in which it moved: −9.2 µm. A tilt has no sign."""
-    return amount(value, unit, u, t) if unit in ("µrad", "µm/m") else f"{'−' if value < 0 else '+'}{amount(value, unit, u, t)}"
+    size = amount(value, unit, u, t)
+    return size if unit in ("µrad", "µm/m") else _directed("−" if value < 0 else "+", size)
 
 
 def rounded(value: float) -> str:

@@ -169,7 +169,8 @@ def as_dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     """
     every = (a for member in ("alarms", "standing") for a in record.get(member) or ())
     older = [a for a in every if a.get("goes_on") or before_repair(a)]
-    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": older}))
+    ignored = [a for member in ("ignored", "unheard") for a in record.get(member) or ()]
+    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": [*older, *ignored]}))
 
 
 def _put(text: Any, old: str, new: str) -> Any:

@@ -58,6 +58,15 @@ def of_night(f: Facts, name: str, t: Texts) -> str:
     return t("table.of_night", date=day(f.nights.measured_on, t, False), value=value_text(value * factor, std), unit=unit)
 
 
+def as_probed(f: Facts, t: Texts) -> str:
+    """facts, texts → that the values are those that probing sees, where a compensation in the control takes some away of parts;
+    '' without one.
+    """
+    if f.control is None or f.control.gone is None:
+        return ""
+    return t("report.as_probed", number=f.control.beneath or f.control.number, target=f.control.target)
+
+
 def since_then(f: Facts, t: Texts, key: str = "report.since_then") -> str:
     """facts, texts, key of the sentence → what the newest night has otherwise than these readings, the most telling first; nothing
     where they agree.

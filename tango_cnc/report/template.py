@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,7 +55,7 @@ def environment(folder: Path | None = None) -> jinja2.Environment:
         if not folder.is_dir():
             raise InputError(f"--templates: found {folder}, which is no folder; allowed: a folder with templates or texts.toml")
         places.insert(0, jinja2.FileSystemLoader(folder))
-    return SandboxedEnvironment(  # a cell from elsewhere may name templates: they compute nothing beyond the page
+    env = SandboxedEnvironment(  # a cell from elsewhere may name templates: they compute nothing beyond the page
         loader=jinja2.ChoiceLoader(places),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -62,6 +63,8 @@ def environment(folder: Path | None = None) -> jinja2.Environment:
         lstrip_blocks=True,
         bytecode_cache=COMPILED,
     )
+    env.filters["shell"] = shlex.quote
+    return env
 
 
 def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> str:

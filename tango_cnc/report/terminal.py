@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Callable
 
 from .answer import LEVELS
 from .characters import SIGNS, bar, colored, width
@@ -16,8 +17,10 @@ from .texts import Texts, texts
 from .verdict import Level
 
 
-def summary(found: Facts, columns: int | None = None, t: Texts | None = None) -> str:
-    """facts of a report, columns, texts → verdict, every check, and the largest parameters with a bar of their interval."""
+def summary(found: Facts, columns: int | None = None, t: Texts | None = None, handed: Callable[[str], str] = str) -> str:
+    """facts of a report, columns, texts, what makes the commands of a sentence whole → verdict, every check, and the largest
+    parameters with a bar of their interval.
+    """
     t = t or texts()
     columns = columns or width()
     judged = verdict(found, t)
@@ -28,9 +31,9 @@ def summary(found: Facts, columns: int | None = None, t: Texts | None = None) ->
     number = f"{told.answer.numbers}." if told.answer.numbers else ""
     moved = since_then(found, t, "may.moved_since") if grown(found) else ""  # else the pages and the report alone name it
     said = (told.answer.why, number, told.run, moved, told.cause, how, told.basis)  # what to do first stands first
-    lines = _headed(head, " ".join(x for x in said if x), level, columns)
+    lines = _headed(head, handed(" ".join(x for x in said if x)), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
-    lines += _headed(head, sentence(judged, t, found.judgement.untrusted), judged.level, columns)
+    lines += _headed(head, handed(sentence(judged, t, found.judgement.untrusted)), judged.level, columns)
     for check in judged.checks:
         sign = "–" if check.open else colored(SIGNS[check.level], check.level)
         lines.append(f"  {sign} {t('check.' + check.name):<12} {check.value}")

@@ -14,7 +14,7 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import WARMED, has_grown, is_gone, is_unseen, with_effect
+from .tonight import WARMED, hardly_known, has_grown, is_gone, is_unseen, std_now, with_effect
 from .units import Units, shown
 from .words import moved, spoken, unit_of
 
@@ -62,7 +62,7 @@ class _Story:
     @property
     def has_moved_on(self) -> bool:
         """→ whether what stands is another size than the oldest alarm found."""
-        return bool(self.own) and (self.drifts or has_grown(self.every, self.own, self.same[0].get("std")))
+        return bool(self.own) and (self.drifts or has_grown(self.every, self.own, self.same[0].get("std"), std_now(self.same[0])))
 
 
 def together(
@@ -165,15 +165,17 @@ def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, An
     unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
     return {
         **told,
-        **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night", "asked", "silent") if unanswered},
+        **{k: unanswered[k] for k in ("decision", "decided", "owner", "who", "nobody", "night", "asked", "silent") if unanswered},
     }
 
 
 def _moved_on(first: Mapping[str, Any], story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """oldest alarm, story of a number that is another one today, date of the last compensation → how it is told as a whole."""
     same, t, drifts = story.same, how.t, story.drifts
-    steps = 1 if story.goes_on else len(same)
-    told = _whole(first, story.own, story.every, drifts and not how.old, steps, how.u, t, how.machine)
+    steady = next((a for a in reversed(same) if a.get("rate_per_day") and a.get("steady", True)), None)
+    steps = 1 if story.goes_on or steady is not None else len(same)  # a drift is counted by no alarm
+    pace = {} if steady is None else {key: steady.get(key) for key in ("stands", "slowed")}
+    told = _whole({**first, **pace}, story.own, story.every, drifts and not how.old, steps, how.u, t, how.machine)
     if story.knocks and not drifts:
         told["text"] += f" {story.knocks}"
     if not (how.old or story.knocks or story.goes_on or drifts) and how.known_of > str(first["first"]):
@@ -191,6 +193,9 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
     same, t = story.same, how.t
     if len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
         return {"text": f"{first['text']} {t('morning.twice')}"}
+    if first["older"] and hardly_known(first) and not how.old:
+        still = how.t("morning.hardly_known", date=day(how.known_of, t))
+        return {"still": still, "text": f"{first['text']} {still}"}
     if first["older"] and first.get("now") and not how.old:
         now = plain(_confirmed_on(first["now"], how.known_of, t), how.u, t, how.machine)
         dated = bool(how.known_of) and _of_two_nights(first["now"])

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..texts import LIST, Said, joined, say
-from ..texts.number import number, shown
+from ..texts.number import Number, number, shown
 from .texts import texts
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
@@ -87,12 +87,33 @@ def shows(size: float, change: float, std: float) -> bool:
     return change * size >= 0 and (abs(change) >= UNSURE * std or abs(change) >= abs(change - size))
 
 
-def has_grown(total: float, size: float, std: float | None) -> bool:
-    """how far it is by now, size that its night found, standard deviation of that (None: not on record) → whether that is another
-    number: by far, or surely.
+def has_grown(total: float, size: float, std: float | None, now: float = 0.0) -> bool:
+    """how far it is by now, size that its night found, standard deviation of that (None: not on record), and of how far it is by
+    now (0: not on record) → whether that is another number: by far, or surely. A night that hardly knows it gives no other number.
     """
     other = abs(total - size)
+    if other <= UNSURE * now:
+        return False
     return other > AS_FOUND * abs(size) or bool(std and other > max(LEAST * abs(size), SURE * abs(std)))
+
+
+def size_of(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
+    if a.get("on_part_um") is not None:
+        return abs(float(a["on_part_um"]))
+    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
+
+
+def std_now(a: Mapping[str, Any]) -> float:
+    """alarm of another night → standard deviation of how far it is by now, in the unit of the alarm; 0 where no record has it."""
+    told = (x.values.get("told") for x in _inside(a.get("now")))
+    found = next((x for x in told if isinstance(x, Number) and x.std), None)
+    return 0.0 if found is None or found.std is None else found.std / shown(str(a.get("unit") or "mm"))[0]
+
+
+def hardly_known(a: Mapping[str, Any]) -> bool:
+    """alarm of another night → whether the last night that measured hardly knows how far it is by now: not to half of its size."""
+    return std_now(a) > 0.5 * abs(float(a.get("size") or 0.0)) > 0.0
 
 
 def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
@@ -101,7 +122,7 @@ def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
     same = {"on_part": part, "on_part_um": small}
     if not small or not total or not size or is_gone(cause["now"]) or is_unseen(cause["now"]):
         return same
-    if not (cause.get("rate_per_day") or cause.get("ignored") or has_grown(float(total), size, cause.get("std"))):
+    if not (cause.get("rate_per_day") or cause.get("ignored") or has_grown(float(total), size, cause.get("std"), std_now(cause))):
         return same
     counted = float((cause.get("ignored") or {}).get("total") or size)
     large = abs(float(small) * (counted + float(total) - size) / counted)
@@ -120,6 +141,34 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     std = None if a.get("std") is None else float(a["std"]) * factor
     own = number(size * factor, unit, std, signed=a.get("cause") not in LENGTHS)
     return text if told is None else _with(text, own, told)
+
+
+def as_drifting(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """record of a night → the same; an alarm of another night about a parameter that drifts the same way has the order of that
+    drift: nobody asks about one knock, or enters a number, beside "enter none before it stands still".
+    """
+    waiting = record.get("standing") or ()
+    every = [
+        a for a in (*(record.get("alarms") or ()), *waiting) if a.get("rate_per_day") and a.get("steady", True) and a.get("do")
+    ]
+    drifts = {a["parameter"]: _stood(a) for a in every if not is_over(a)}
+
+    def told(a: Mapping[str, Any]) -> Mapping[str, Any]:
+        drift = drifts.get(a["parameter"])
+        if drift is not None and a["id"] == drift["id"]:
+            return drift
+        if drift is None or a.get("rate_per_day") or is_over(a) or a.get("compensation") or a.get("settled"):
+            return a
+        same = float(a.get("size") or 0.0) * float(drift.get("size") or 0.0) > 0
+        return {**a, "do": drift["do"], "confirmed": None} if same else a
+
+    return {**record, "standing": [told(a) for a in waiting]} if drifts and waiting else record
+
+
+def _stood(a: Mapping[str, Any]) -> Mapping[str, Any]:
+    """alarm of a drift → the same; one that stands still by now no longer waits for that."""
+    usual = isinstance(a["do"], Said) and a["do"].key == "night.drift_do"
+    return {**a, "do": say("morning.drift_stood_do")} if a.get("stands") and usual else a
 
 
 def by_now(text: Any, a: Mapping[str, Any]) -> Any:
@@ -153,7 +202,7 @@ def moved_on(a: Mapping[str, Any]) -> bool:
     total, size = a.get("total"), float(a.get("size") or 0.0)
     if total is None or not size:
         return False
-    return bool(a.get("rate_per_day")) or has_grown(float(total), size, a.get("std"))
+    return bool(a.get("rate_per_day")) or has_grown(float(total), size, a.get("std"), std_now(a))
 
 
 def _inside(text: Any) -> Iterator[Said]:

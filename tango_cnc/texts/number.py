@@ -66,14 +66,14 @@ class Number(str):
         found = ROUNDED.match(self)
         if not decimals or found is None or not math.isfinite(self.value):
             return self[:]
-        value = f"{self.value if found[1] else abs(self.value):{'+' if found[1] else ''}.{_decimals(found[2]) + decimals}f}"
+        value = f"{self.value if found[1] else abs(self.value):{'+' if found[1] else ''}z.{_decimals(found[2]) + decimals}f}"
         std = "" if found[3] is None or self.std is None else f" ± {self.std:.{_decimals(found[3]) + decimals}f}"
         return f"{value}{std}{self[found.end(3) if found[3] else found.end(2) :]}"
 
 
 def number(value: float, unit: str = "", std: float | None = None, *, signed: bool = True, decimals: int = 1) -> Number:
     """value in a unit for people, the unit, standard deviation, whether a plus is shown → `+19.8 ± 0.4 µm`."""
-    size = f"{value:{'+' if signed else ''}.{decimals}f}"
+    size = f"{value:{'+' if signed else ''}z.{decimals}f}"  # nothing has no minus
     spread = "" if std is None else f" ± {std:.{decimals}f}"
     return Number(f"{size}{spread} {unit}".rstrip(), value, std)
 

@@ -36,6 +36,7 @@ from ..report.decimals import decimals_of_page
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
+from ..texts.handed import page_of_cell
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
 from .keeper import Keeper
@@ -317,7 +318,13 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "may_operate": may(role_of(request), "operate"),
         **values,
     }
-    return HTMLResponse(decimals_of_page(state.templates.get_template(template).render(**context), state.texts), status)
+    told = page_of_cell(state.templates.get_template(template).render(**context), cell_of(values.get("machine")))
+    return HTMLResponse(decimals_of_page(told, state.texts), status)
+
+
+def cell_of(machine: Any) -> str:
+    """machine of a page, None for a page of all → name of the folder of its cell; '' where it has none here."""
+    return machine.folder.resolve().name if isinstance(machine, Served) and machine.folder is not None else ""
 
 
 def made(t: Texts) -> str:

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import secrets
+import shlex
 import threading
 import time
 import unicodedata
@@ -47,7 +48,7 @@ class User:
 def read_users(file: Path) -> dict[str, tuple[str, Role]]:
     """users file → {name: (hash, role)}. Raises InputError for a file that is none, or that others may read."""
     if not file.exists():
-        raise InputError(f"{file}: no such file; make it with 'tango serve --users {file} --add-user NAME'")
+        raise InputError(f"{file}: no such file; make it with 'tango serve --users {shlex.quote(str(file))} --add-user NAME'")
     data = read_json(file, "what 'tango serve --add-user' writes")
     if data.get("format") != FORMAT or not isinstance(data.get("users"), dict):
         raise InputError(f"{file}: found no {FORMAT}; allowed: what 'tango serve --add-user' writes")

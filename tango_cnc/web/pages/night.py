@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -15,29 +17,43 @@ from ...report.age import measured_on
 from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
-from ...report.newer import newer_answer
 from ...report.suspects import last_within, never_within
 from ..app import machine_of, needs, page, state_of
 from ..places import told
 from ..served import Served
-from .machine import ANOTHER, dates_unsure, happened_to, limits_of, record_before
+from .machine import ANOTHER, busy_of, dates_unsure, happened_to, limits_of, morning_of, record_before
 from .report import NAMES, file_of_night
 
 
 def night(request: Request) -> Response:
     """request → the page of the night."""
     needs(request, "view")
-    state, found = state_of(request), machine_of(request)
+    found = machine_of(request)
     entry = int(request.path_params["entry"])
     record = record_of(found, entry)
     assert found.history is not None
-    every = state.places.nights(found, ANOTHER)
+    every = state_of(request).places.nights(found, ANOTHER)
     place = next((i for i, n in enumerate(every) if n.entry == entry), 0)
-    nights, now = every[place:], datetime.now(UTC)
-    events = happened_to(state, found)
-    before = record_before(request, found, nights)
-    signs = [(n.night, told(n, limits_of(request, found))) for n in nights]  # as it was known that morning
-    values = context(
+    if every and entry == every[0].entry:  # the newest one is the page of its machine
+        values = morning_of(request, found, busy_of(request, found))
+    else:
+        values = _of_old(request, found, record, place)
+    written = [name for name in NAMES if file_of_night(found, record, name) is not None]
+    age = days_between(record.get("night"), datetime.now(UTC).astimezone().date())
+    newest = every[0].night if place else ""
+    return page(request, "night.html", machine=found, entry=entry, written=written, newest=newest, age=age, **values)
+
+
+def _of_old(request: Request, found: Served, record: Mapping[str, Any], place: int) -> dict[str, Any]:
+    """request, machine, record of a night that is not the newest, its place from the newest on → values of its page: as known
+    that morning, with what was decided since.
+    """
+    assert found.history is not None
+    state = state_of(request)
+    nights = state.places.nights(found, ANOTHER)[place:]
+    events, before = happened_to(state, found), record_before(request, found, nights)
+    signs = [(n.night, told(n, limits_of(request, found))) for n in nights]
+    return context(
         record,
         every_decision(found.history, found.name),
         state.units,
@@ -48,20 +64,15 @@ def night(request: Request) -> Response:
         owner=state.places.owner(found),
         deputy=state.places.deputy(found),
         events=known_then(record, events) if place else events,
-        now=now,
+        now=datetime.now(UTC),
         newer=place,
         former=None if place else found.former,
         old=None if place else state.places.old(found, measured_on(record, before)),
-        by_readings=None if place else newer_answer(found.folder, record.get("end_utc")),
         within=last_within(signs),
         never=never_within(signs),
         signs=signs,
         unsure=dates_unsure(state, found, nights),
     )
-    written = [name for name in NAMES if file_of_night(found, record, name) is not None]
-    age = days_between(record.get("night"), now.astimezone().date())
-    newest = every[0].night if place else ""
-    return page(request, "night.html", machine=found, entry=entry, written=written, newest=newest, age=age, **values)
 
 
 def record_of(machine: Served, entry: int) -> dict[str, object]:

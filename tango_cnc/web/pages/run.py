@@ -23,10 +23,11 @@ from ...link.entries import Reading
 from ...link.progress import journals
 from ...records import Cell
 from ...report.days import at
-from ...report.plain import office, shop
+from ...report.plain import office, shop, to_type
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart, label
 from ...report.texts import Texts
-from ..app import machine_of, made, needs, page, state_of
+from ...texts.handed import page_of_cell
+from ..app import cell_of, machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..served import Served
 from .machine import answer_today, todo_today, who_today
@@ -123,11 +124,13 @@ def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) ->
     key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent} {off}"
     present = request.query_params.get("run", "0") == "0"
     todo = todo_today(request, machine) if present and (off or run.state == "stopped") else []
-    return state.places.kept(f"{key} {todo}", lambda: _drawn(request, run, cell, silent, todo), 60)
+    return state.places.kept(f"{key} {todo}", lambda: _drawn(request, cell_of(machine), run, cell, silent, todo), 60)
 
 
-def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, todo: Sequence[str]) -> str:
-    """request, run, its cell, minutes since its last entry, what to do by the page of its machine → its drawing."""
+def _drawn(request: Request, folder: str, run: LiveRun, cell: Cell | None, silent: int | None, todo: Sequence[str]) -> str:
+    """request, name of the folder of the machine, run, its cell, minutes since its last entry, what to do by the page of its
+    machine → its drawing.
+    """
     state, off = state_of(request), broken(run)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
@@ -145,11 +148,11 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
-        "office": _office(run, t, off),
+        "office": to_type(_office(run, t, off), folder, t),
         "resume": _resume(run, t) if off or run.state == "stopped" else "",
         "todo": todo,
     }
-    return state.templates.get_template("_step.html").render(**values)
+    return page_of_cell(state.templates.get_template("_step.html").render(**values), folder)
 
 
 def _resume(run: LiveRun, t: Texts) -> str:
