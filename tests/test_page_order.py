@@ -20,6 +20,7 @@ from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.lengths import as_seen_last
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.standing import by_urgency, standing
 from tango_cnc.report.days import day
 from tango_cnc.report.faults import earlier, faults
@@ -217,3 +218,29 @@ def test_a_night_that_hardly_knows_how_far_it_is_by_now_gives_no_other_number() 
     sure = old | {"now": say("night.alarms.still_there", told=number(-35.7, "µm", 0.4))}
     (found,) = faults(night(M, 9, "changed", standing=[sure]), (), {}, Units(), texts())
     assert "by −36 µm" in found["text"]
+
+
+def test_a_drift_has_one_order_in_the_message_and_its_page_counts_no_alarms() -> None:
+    """ "Have the compensation written" stood above "Enter no new location before it stands still", and six nights of a drift
+    were "2 times the same way".
+    """
+    u, t, date = Units(), texts(), night(M, 9)["night"]
+    knocked = alarm(4, -2.5, "EY0C", total=-0.0112, do=say("cause.axis_location.do"), confirmed=night(M, 5)["night"])
+    drift = alarm(6, -4.3, "EY0C", total=-0.0087, do=say("night.drift_do"), rate_per_day=-0.0021, steady=True)
+    record = night(M, 9, "changed", standing=[knocked, drift])
+    (found,) = faults(record, (), {}, u, t)
+    assert "by −11 µm" in found["text"] and "It goes on night after night: a drift, not one knock." in found["text"]
+    mail = message(record, (), ())[1]
+    assert mail.count("Enter no new location") == 2 and "compensation written" not in mail and date in mail
+    away = message(record | {"standing": [knocked, drift | {"size": 0.0043}]}, (), ())[1]
+    assert "compensation written" in away  # the other way is another story
+    stood = message(record | {"standing": [knocked, drift | {"stands": night(M, 7)["night"]}]}, (), ())[1]
+    assert "before it stands still" not in stood and stood.count(str(say("morning.drift_stood_do"))) == 2
+
+
+def test_what_went_back_tonight_has_the_date_of_tonight_in_both_its_alarms() -> None:
+    """ "And the day on which it went back" stood below "and 2026-11-13, the first night without it again"."""
+    went = alarm(7, 60.0, total=0.0001, now=say("night.alarms.gone_again_left", told="-0.1 µm"))
+    back = alarm(9, -60.0, undoes={"alarm": went["id"], "left": 0.0001, "std": 0.0003}, decision=None, sigmas=50.0)
+    mail = message(night(M, 9, "changed", alarms=[back], standing=[went]), (), ())[1]
+    assert mail.count(f"and {night(M, 9)['night']}, the first night without it again") == 2 and "the day on which" not in mail

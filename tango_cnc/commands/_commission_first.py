@@ -13,6 +13,7 @@ import click
 
 from ..gate import step
 from ..records import Plan
+from ._asking import answered
 from ._proofs import told
 from ._start import in_spindle
 
@@ -47,9 +48,7 @@ def by_hand(cell: Any, post: Any, made: Plan, wanted: Collection[str], mark: str
 
     every = {experiment.belief: experiment for experiment in commission.experiments()}
     for belief, (text, found) in questions(made, wanted, cell.controller.post).items():
-        kinds = click.Choice(["y", "n", "?"])
-        answer = click.prompt(f"{text} y yes, n no, ? not seen", type=kinds, default="?", show_choices=False, err=True)
-        if answer == "n":
+        if answered(text, waits=True) is False:
             told(cell, post, [commission.Judged(every[belief], commission.Ruling("FAIL", found))], mark, "", json_file)
             click.echo(NOTHING_SENT, err=True)
             return False

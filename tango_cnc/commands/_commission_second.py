@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ._asking import answered
+
 if TYPE_CHECKING:
     from ..program import Program
 
@@ -101,9 +103,8 @@ def _kept(address: str, post: Any, begun: bool) -> bool | None:
         return None
     if file:
         return Path(file).read_bytes().count(START) >= 2
-    text = "Look into the file of the records: does it hold both programs, two lines TANGO START? y yes, n no, ? not seen"
-    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
-    return None if answer == "?" else answer == "y"
+    text = "Look into the file of the records: does it hold both programs, two lines TANGO START?"
+    return answered(text)
 
 
 def _stopped(once: Any, program: Program) -> bool | None:
@@ -115,6 +116,4 @@ def _stopped(once: Any, program: Program) -> bool | None:
         return False
     what = f"It stopped: {once.said.rstrip('.')}." if once.said else "Nothing was recorded."
     asked = f"Was PROGRAM {program.mark.upper()} started, and did the control stop it by itself because of the stylus?"
-    text = f"{what} {asked} y yes, n no, ? not seen"
-    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
-    return True if answer == "y" else None
+    return True if answered(f"{what} {asked}") else None

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 HELD = "deflected"  # the belief that is tried with the stylus held aside
 MISSES = 3  # of a post without that option: its driver counts them
+FATAL = 1  # beliefs of this danger are no question, once they are proven wrong: no hand at feed hold is quick enough
 DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
 
 
@@ -35,7 +36,8 @@ def unproven_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> list[st
     from ._proofs import proven
 
     found, left = proven(cell, post), _left(cell, post, trying)
-    return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in left]
+    wrong = {e.belief: f". It is NOT so: {found[e.belief].found}. What to do: {e.advice}" for e in left if e.belief in found}
+    return [f"{e.says}{wrong.get(e.belief, '')}" for e in left]
 
 
 def _left(cell: Cell, post: Post, trying: Collection[str]) -> list[Experiment]:
@@ -66,11 +68,25 @@ def tries_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> str:
 
 def disproven_of(cell: Cell, post: Post) -> list[tuple[str, str]]:
     """cell, its post → (what is not so, what mends it): beliefs that break something, and are proven wrong today."""
+    return [(text, e.advice) for text, e in _wrong(cell, post)]
+
+
+def _wrong(cell: Cell, post: Post) -> list[tuple[str, Experiment]]:
+    """cell, its post → (what is not so, its experiment) of beliefs that break something, and are proven wrong today."""
     from ._proofs import proven, unproven
 
     found = proven(cell, post)
     wrong = [e for e in unproven(found) if e.danger <= DANGEROUS and e.belief in found]
-    return [(f"{e.says}. It is NOT so: {found[e.belief].found}", e.advice) for e in wrong]
+    return [(f"{e.says}. It is NOT so: {found[e.belief].found}", e) for e in wrong]
+
+
+def _fatal(one: Experiment) -> bool:
+    """experiment → whether nobody can be careful enough; who is at the machine sees a stylus that hangs aside."""
+    return one.danger <= FATAL and one.belief != HELD
+
+
+def _mended(advice: str) -> str:
+    return f"What to do: {advice}. Then 'tango commission' tries it again"
 
 
 def unattended(cell: Cell, post: Post, simulated: bool = False) -> None:
@@ -81,19 +97,31 @@ def unattended(cell: Cell, post: Post, simulated: bool = False) -> None:
     from ..files.commissioning import NAME
 
     if simulated:
-        for text, _ in disproven_of(cell, post):
+        for text, _ in _wrong(cell, post):
             said(f"{cell.folder / NAME}: {text}. It goes on only because of --simulated: leave that out on a real machine")
         return
-    if wrong := disproven_of(cell, post):
-        (text, advice), *_ = wrong
-        raise InputError(
-            f"{cell.folder / NAME}: {text}. What to do: {advice}. Then 'tango commission' tries it again. Nothing was sent: only a "
-            "person at the machine may go on with it, at a terminal and without --yes"
-        )
+    if wrong := _wrong(cell, post):
+        (text, one), *_ = wrong
+        who = "nobody may" if _fatal(one) else "only a person at the machine may"
+        how = "" if _fatal(one) else ", at a terminal and without --yes"
+        raise InputError(f"{cell.folder / NAME}: {text}. {_mended(one.advice)}. Nothing was sent: {who} go on with it{how}")
     for text in unproven_of(cell, post):
         said(f"not proven on this control: {text}")
     if tries := tries_of(cell, post):
         said(whole(tries))
+
+
+def refuse_fatal(cell: Cell, post: Post, trying: Collection[str] = (), simulated: bool = False) -> None:
+    """cell, its post, beliefs that are tried now → nothing, where a person may be asked whether to start.
+
+    Raises InputError where a belief that nobody can be careful enough about is proven wrong: a probe that is not heard, an axis
+    that goes the other way. Who is in a hurry says yes to that.
+    """
+    from ..files.commissioning import NAME
+
+    for text, one in _wrong(cell, post):
+        if _fatal(one) and one.belief not in trying and not simulated:
+            raise InputError(f"{cell.folder / NAME}: {text}. {_mended(one.advice)}. Nothing was sent: nobody may go on with it")
 
 
 def gate_of(cell: Cell, post: Post) -> str:

@@ -13,7 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
-from ._start import ask, counts, obeys, tries_of, unattended, unproven_of
+from ._start import ask, counts, obeys, refuse_fatal, tries_of, unattended, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -78,6 +78,8 @@ def conducted(
     someone = attended()
     if yes or not someone:
         unattended(cell, post)
+    else:
+        refuse_fatal(cell, post, trying)
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:

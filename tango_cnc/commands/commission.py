@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import click
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
+from ._asking import answered
 from ._beside import alone, beside
 from ._commission_record import record_of
 from ._commission_second import Ready, at_quarter, file_of, held_aside, unasked
@@ -154,8 +156,8 @@ def command(
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
-    _announced(at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
-    seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
+    asks = partial(_announced, at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
+    seen, control = at.tried(made, programs, confirm=asks)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=moves.largest, stored=file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
@@ -199,12 +201,13 @@ class _Control:
         patience: float | None = None,
         start: float | None = None,
         ready: Ready = unasked,
+        confirm: Callable[[Any, Any], None] = lambda *_: None,
     ) -> tuple[Any, str]:
         """plan, its programs, s of silence and s for the start mark where they are not those of the command, what is asked when
-        the control has the program → what came, what the control calls itself.
+        the control has the program, what before that, when its port is open → what came, what the control calls itself.
         """
         begins = start or start_patience(self.someone)
-        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins, ready)
+        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins, ready, confirm)
 
 
 def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, Any], float | None]:
@@ -240,7 +243,7 @@ def _before(programs: Sequence[Any], *texts: str) -> None:
         click.echo(f"before it: {text}")
 
 
-def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
+def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any], *_: Any) -> None:
     """control, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
     from ..commission.above import said
 
@@ -319,6 +322,7 @@ def _tried(
     timeout: float | None,
     start: float,
     ready: Ready,
+    confirm: Callable[[Any, Any], None],
 ) -> tuple[Any, str]:
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
@@ -337,7 +341,7 @@ def _tried(
             address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again
         )
         try:
-            measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None, ready=ready)
+            measure(cell, made, wanted, lambda part: programs, _told, confirm, ready=ready)
         except LinkError as error:
             why = str(error)
             if not journal.exists() or journal.read_bytes() == earlier:
@@ -385,12 +389,9 @@ def _asked(questions: dict[str, dict[str, str]], how: str) -> dict[str, dict[str
     said: dict[str, dict[str, bool]] = {}
     for belief, each in questions.items():
         for what, text in each.items():
-            answer = "y"
-            if how == "ask":
-                kinds = click.Choice(["y", "n", "?"])
-                answer = click.prompt(f"{text} y yes, n no, ? not seen", type=kinds, default="?", show_choices=False, err=True)
-            if answer != "?":
-                said.setdefault(belief, {})[what] = answer == "y"
+            answer = answered(text) if how == "ask" else True
+            if answer is not None:
+                said.setdefault(belief, {})[what] = answer
     return said
 
 

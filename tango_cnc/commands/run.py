@@ -24,7 +24,7 @@ from ._handed import Kept, hands, printed, whole
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, counts, gate_of, misses_of, obeys, tries_of, unattended, unproven_of
+from ._start import ask, counts, gate_of, misses_of, obeys, refuse_fatal, tries_of, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -136,6 +136,8 @@ def command(
     someone = attended()
     if yes or not someone:
         unattended(cell, post, simulated)
+    else:
+        refuse_fatal(cell, post, simulated=simulated)
     how = resuming(until, obstructed, stylus, readings_file)
     job = _Job(cell, post, made, address, target, program_file, most, resume, timeout, simulated, how, someone, yes)
     _driven(job, folder, goal, transcript, json_file)

@@ -6,6 +6,7 @@ from ._punched import CODES
 from .client import Asked, Client, Ended, Event, Failed, Refused, Task, Touched
 from .words import SUM
 
+MOVES = "It may be moving: press feed hold, and look at the machine first"  # where something runs that is not this run's program
 # What to do where records have come and no more do: whoever starts it again there presses start with the ball at the table.
 STANDS = (
     "read its screen. Where its program has stopped, do not start it again: reset the control, and move the probe away along the "
@@ -49,7 +50,7 @@ class Listener(Client):
     def _counted(self, event: Event, text: str) -> list[Event]:
         """a record and the line that it was read from → events; it comes before the start mark, counts a touch, or is the end."""
         if not self._begun:
-            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
+            return self._fail(f"a record came before the start mark: {text!r}. Was another program running? {MOVES}")
         if isinstance(event, Touched) and event.number in self._task.numbers:
             self._position = max(self._position, self._task.numbers.index(event.number) + 1)
             self._missed = 0 if event.flag else self._missed + 1

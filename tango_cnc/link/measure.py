@@ -39,7 +39,7 @@ from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import Transport, fits, foreseen, open_port, said_before
+from .transport import Transport, fits, foreseen, look_into, open_port, said_before
 from .transport._refused import RefusedError
 from .transport._sensors import Watch
 
@@ -127,9 +127,11 @@ def measure(
         _announced(watch, task, said)
         ready(program, client.brought)
 
-    agreed(1)
-    transport = _opened(address, tasks[0])
+    transport = _opened(address)  # before the question: what is started before its answer is none of before this run
     try:
+        agreed(1)
+        if not tasks[0].quiet:
+            _rested(address, transport)
         sensors.start()
         if not before:
             _set_aside(file)
@@ -174,10 +176,23 @@ def _announced(watch: Callable[[News], None], task: Task, said: Sequence[str]) -
         watch(News(0, len(task.numbers), 0.0, None, "; ".join(said)))
 
 
-def _opened(address: Address, task: Task) -> Transport:
-    """address, first task → open transport. Raises NothingSentError where the port does not open."""
+def _opened(address: Address) -> Transport:
+    """address → open transport, of which nothing is asked yet. Raises NothingSentError where the port does not open."""
+    with _nothing_sent():
+        return open_port(address)
+
+
+def _rested(address: Address, transport: Transport) -> None:
+    """address, open transport → looked into, now that somebody has said that nothing moves. Raises NothingSentError."""
+    with _nothing_sent():
+        look_into(address, transport)
+
+
+@contextlib.contextmanager
+def _nothing_sent() -> Iterator[None]:
+    """→ within it, a port that does not open is one over which nothing was sent."""
     try:
-        return open_port(address, rests=not task.quiet)
+        yield
     except RefusedError:
         raise
     except LinkError as error:

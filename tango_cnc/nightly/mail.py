@@ -14,7 +14,7 @@ from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night, stories
 from ..report.right import by_its_whole, without_full
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, only_set_up, sized, with_its_size
+from ..report.tonight import WARMED, as_drifting, by_tonight, by_verdict, is_gone, is_over, only_set_up, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say, unstopped
@@ -51,7 +51,7 @@ def message(
     `newest`: number of entries of the machine's history and hash of the last; `decisions`: what was decided about alarms; `t`:
     texts of the shop, else English.
     """
-    t = t or texts()
+    t, record = t or texts(), as_drifting(record)
     limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
     crossed = [*(_limit_line(limit, t) for limit in limits if limit["passed"] is False), *_before(record, t)]
     owner = owner_of(record.get("owner"), record, t)
@@ -310,7 +310,8 @@ def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, 
     begun = str(undone.get("alarm") or cause.get("id") or "")
     former = next((a for a in record.get("standing") or () if undone and a["id"] == begun), {} if undone else cause)
     begun = str(former.get("since") or begun[:10])
-    until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or "")
+    back = any((a.get("undoes") or {}).get("alarm") == cause.get("id") for a in record["alarms"])  # tonight has found it gone
+    until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or (record["night"] if back else ""))
     end = "_probe" if change(cause.get("cause")).scatters else "_by" if until else ""
     return t(f"morning.gone_part{end}", date=begun, until=until)
 

@@ -165,15 +165,17 @@ def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, An
     unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
     return {
         **told,
-        **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night", "asked", "silent") if unanswered},
+        **{k: unanswered[k] for k in ("decision", "decided", "owner", "who", "nobody", "night", "asked", "silent") if unanswered},
     }
 
 
 def _moved_on(first: Mapping[str, Any], story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """oldest alarm, story of a number that is another one today, date of the last compensation → how it is told as a whole."""
     same, t, drifts = story.same, how.t, story.drifts
-    steps = 1 if story.goes_on else len(same)
-    told = _whole(first, story.own, story.every, drifts and not how.old, steps, how.u, t, how.machine)
+    steady = next((a for a in reversed(same) if a.get("rate_per_day") and a.get("steady", True)), None)
+    steps = 1 if story.goes_on or steady is not None else len(same)  # a drift is counted by no alarm
+    pace = {} if steady is None else {key: steady.get(key) for key in ("stands", "slowed")}
+    told = _whole({**first, **pace}, story.own, story.every, drifts and not how.old, steps, how.u, t, how.machine)
     if story.knocks and not drifts:
         told["text"] += f" {story.knocks}"
     if not (how.old or story.knocks or story.goes_on or drifts) and how.known_of > str(first["first"]):

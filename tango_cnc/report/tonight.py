@@ -143,6 +143,34 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     return text if told is None else _with(text, own, told)
 
 
+def as_drifting(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """record of a night → the same; an alarm of another night about a parameter that drifts the same way has the order of that
+    drift: nobody asks about one knock, or enters a number, beside "enter none before it stands still".
+    """
+    waiting = record.get("standing") or ()
+    every = [
+        a for a in (*(record.get("alarms") or ()), *waiting) if a.get("rate_per_day") and a.get("steady", True) and a.get("do")
+    ]
+    drifts = {a["parameter"]: _stood(a) for a in every if not is_over(a)}
+
+    def told(a: Mapping[str, Any]) -> Mapping[str, Any]:
+        drift = drifts.get(a["parameter"])
+        if drift is not None and a["id"] == drift["id"]:
+            return drift
+        if drift is None or a.get("rate_per_day") or is_over(a) or a.get("compensation") or a.get("settled"):
+            return a
+        same = float(a.get("size") or 0.0) * float(drift.get("size") or 0.0) > 0
+        return {**a, "do": drift["do"], "confirmed": None} if same else a
+
+    return {**record, "standing": [told(a) for a in waiting]} if drifts and waiting else record
+
+
+def _stood(a: Mapping[str, Any]) -> Mapping[str, Any]:
+    """alarm of a drift → the same; one that stands still by now no longer waits for that."""
+    usual = isinstance(a["do"], Said) and a["do"].key == "night.drift_do"
+    return {**a, "do": say("morning.drift_stood_do")} if a.get("stands") and usual else a
+
+
 def by_now(text: Any, a: Mapping[str, Any]) -> Any:
     """sentence of an alarm, the alarm → the sentence with one size: what there is of it by the last night that measured; of one
     that has gone again what its night found, and what is left.

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...records import InputError
-from .._listener import STANDS, Listener
+from .._listener import MOVES, STANDS, Listener
 from ..client import Begun, Event, Refused, Task
 from ..heard import noise
 from ..words import record
@@ -195,7 +195,9 @@ class Client(Listener):
         if self._begun:
             return "the control began the program a second time; its touches cannot be separated from the first ones"
         ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
-        return f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}"
+        return (
+            f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}. {MOVES}"
+        )
 
     def elapsed(self, seconds: float) -> list[Event]:
         """s since the last call → Failed when the control has been silent for longer than the next touch may take."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .._listener import STANDS, Listener
+from .._listener import MOVES, STANDS, Listener
 from ..client import Begun, Ended, Event, Identified, Refused, Task
 from ..words import record
 
@@ -69,9 +69,9 @@ class Client(Listener):
         if (event.mark, event.count) == (self._task.mark, len(self._task.numbers)):
             self._begun, self._silence = True, 0.0
             return [Identified("a control that writes into a file"), event]
-        ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
+        ours = f"this run is {self._task.mark} with {len(self._task.numbers)} touches"
         return self._fail(
-            f"the control runs another program: {text!r}, and this run is {ours}: bring the new program to the control"
+            f"the control runs another program: {text!r}, and {ours}. {MOVES}; then bring the new program to the control"
         )
 
     def elapsed(self, seconds: float) -> list[Event]:

@@ -17,8 +17,10 @@ that the line is lost, serial ports are locked twice, and a character of wrong p
 
 from __future__ import annotations
 
+import contextlib
 import ssl
 import time
+from collections.abc import Iterator
 
 import serial
 from serial.tools import list_ports
@@ -53,15 +55,20 @@ def said_before(address: Address) -> str:
     return ways()[address.scheme].before(address)
 
 
-def open_port(address: Address, *, rests: bool = False) -> Transport:
-    """address, whether it is said that nothing moves → open transport, looked into where that needs rest.
+def look_into(address: Address, port: Transport) -> None:
+    """address, open transport, now that it is said that nothing moves → looked into, where that needs rest.
 
-    Raises LinkError saying what did not open, which ports there are and what to do; InputError for what no run can use there.
+    Raises as `open_port`.
     """
+    with _opening(address):
+        ways()[address.scheme].look(port)
+
+
+@contextlib.contextmanager
+def _opening(address: Address) -> Iterator[None]:
+    """address → within it, errors of the system are a port that does not open."""
     try:
-        port: Transport = ways()[address.scheme].open(address)
-        if rests:
-            ways()[address.scheme].look(port)
+        yield
     except (
         OSError,
         EOFError,
@@ -69,6 +76,17 @@ def open_port(address: Address, *, rests: bool = False) -> Transport:
         serial.SerialException,
     ) as error:  # SerialException is an OSError; ValueError: baud rates
         raise LinkError(f"port {address.url} does not open: {reason(error)}. {_advice(address, error)}") from None
+
+
+def open_port(address: Address, *, rests: bool = False) -> Transport:
+    """address, whether it is said that nothing moves → open transport, looked into where that needs rest.
+
+    Raises LinkError saying what did not open, which ports there are and what to do; InputError for what no run can use there.
+    """
+    with _opening(address):
+        port: Transport = ways()[address.scheme].open(address)
+        if rests:
+            ways()[address.scheme].look(port)
     if ways()[address.scheme].unit:
         return port
     if not address.uart and "baud" in address.line:
