@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import pytest
 from click.testing import CliRunner
+from support.alarms import alarm
 from support.nights import M, dated, knock, night
 from support.pages import read
 from support.server import cell
@@ -111,6 +112,19 @@ def test_who_has_not_answered_for_days_is_not_called_first_about_what_is_of_this
     assert answered(found, record)[0] == found[0]["asked"] == "2026-11-05"
     other = faults(record | {"standing": [older | {"owner": "Eve, 4719"}]}, (), {}, Units(), t)
     assert "asked this morning" in next(a["who"] for a in other if a["owner"] == own["owner"])
+
+
+def test_who_has_the_first_step_of_a_drift_is_not_asked_about_the_next_one() -> None:
+    """ "Call Eve Roth: asked on Fri 6 Nov": she has the alarm of the 4th; Ann Meier was asked about that of the 6th."""
+    own = {"owner": "Ann, 4711", "deputy": ""}
+    first = alarm(4, 4.0, "EY0C", total=0.009, owner=own["owner"])
+    then = alarm(6, 5.0, "EY0C", total=0.005, owner=own["owner"])
+    decided = Decision(first["id"], "acknowledge", "Eve", "", None, f"{first['night']}T08:00:00Z")
+    record = night(M, 9, "changed", standing=[first, then], **own)
+    (found,) = faults(record, (), {first["id"]: decided}, Units(), texts())
+    assert found["owner"] == own["owner"] and found["asked"] == then["night"]
+    for told in (found["who"], to_ask(own, [found], texts())):
+        assert told.startswith("Call Ann, 4711") and "Eve" not in told
 
 
 def test_no_page_sends_its_reader_to_himself() -> None:

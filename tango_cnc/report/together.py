@@ -165,7 +165,7 @@ def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, An
     unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
     return {
         **told,
-        **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night", "asked", "silent") if unanswered},
+        **{k: unanswered[k] for k in ("decision", "decided", "owner", "who", "nobody", "night", "asked", "silent") if unanswered},
     }
 
 
