@@ -449,8 +449,8 @@ def test_what_goes_on_beyond_what_is_ignored_has_one_order_and_one_size(root: Pa
 
 @pytest.mark.long
 def test_a_repair_is_held_against_what_there_was_when_it_was_made(root: Path, tmp_path: Path) -> None:
-    """20 µrad on night 8 and 20 more on night 9: "the repair has made it worse, it was 20 µrad before", and nothing had moved."""
-    story = Story((Event(8, {"EC0X": KNOCK}), Event(9, {"EC0X": KNOCK})), wander=0.5)
-    night = answered(root, tmp_path / "h.db", story, 10, {9: "repaired"})[9]
+    """20 µrad on night 8 and 20 more on night 10: "the repair has made it worse, it was 20 µrad before", and nothing had moved."""
+    story = Story((Event(8, {"EC0X": KNOCK}), Event(10, {"EC0X": KNOCK})), wander=0.5)
+    night = answered(root, tmp_path / "h.db", story, 11, {10: "repaired"})[10]
     told = [str(a["text"]) for a in night["alarms"] if a.get("repair")]
     assert told and all("has not helped" in text for text in told) and "worse" not in night["headline"], night["headline"]
