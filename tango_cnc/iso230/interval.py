@@ -55,7 +55,7 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     guides are such a machine. How much of that is noise depends on the order of the motions: where all are polynomials to degree
     3, the whole power takes ranges below what is true. So the ends above have a part of it, and are not moved. Noise takes a range
     farther up than down, and draws around what was read end soon below it, however they count. What was read may be as far above
-    what is true as they are above what was read; ends that go down so far held too much, and the mean of both is used.
+    what is true as they are above what was read; ends go half as far down where the power is as large as it may be.
     Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989; for the ends below Davison and
     Hinkley, Bootstrap Methods and their Application, 1997, 5.2 (basic limits).
     """
@@ -103,8 +103,9 @@ def _counted(
     less = (whole - by) * scatter / read if moves and whole > by else 0.0
     low, least, best = (max(q - less, 0.0) for q in _quantiles(sizes, by, [tail, 2 * tail, 0.5]))
     if moves:
+        part = HALF * by / steepest  # the whole held too much, and small powers tell of a range near its noise
         basic = [2 * read - float(np.quantile(sizes, 1 - t)) for t in (tail, 2 * tail)]
-        low, least = (max(min(end, (end + other) / 2), 0.0) for end, other in zip((low, least), basic, strict=True))
+        low, least = (max(min(end, end + part * (other - end)), 0.0) for end, other in zip((low, least), basic, strict=True))
     most, high = _quantiles(sizes, above * by, [1 - 2 * tail, 1 - tail])
     return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
 
