@@ -103,7 +103,7 @@ def _counted(
     less = (whole - by) * scatter / read if moves and whole > by else 0.0
     low, least, best = (max(q - less, 0.0) for q in _quantiles(sizes, by, [tail, 2 * tail, 0.5]))
     if moves:
-        part = HALF * by / steepest  # the whole held too much, and small powers tell of a range near its noise
+        part = HALF * (by / steepest) ** 3  # the whole held too much; a small power tells of a range near its noise
         basic = [2 * read - float(np.quantile(sizes, 1 - t)) for t in (tail, 2 * tail)]
         low, least = (max(min(end, end + part * (other - end)), 0.0) for end, other in zip((low, least), basic, strict=True))
     most, high = _quantiles(sizes, above * by, [1 - 2 * tail, 1 - tail])
