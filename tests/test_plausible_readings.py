@@ -235,7 +235,7 @@ def test_a_long_pause_is_no_other_unit(cell: Cell, twice: Readings) -> None:
 
 @pytest.fixture(scope="module")
 def in_a_row(cell: Cell) -> tuple[Cell, Readings]:
-    """Six touches of each facet, one after the other, of which the control writes 1 µm and the probe scatters by the stated 0.7 µm."""
+    """Six touches of each facet, one after the other: the control writes 1 µm, the probe scatters by the stated 0.7 µm."""
     each = tuple(replace(i, facets=tuple(f for f in i.facets for _ in range(6))) for i in cell.strategy.indexations[:6])
     own = replace(cell, strategy=replace(cell.strategy, indexations=each))
     own = replace(own, machine=replace(cell.machine, probe=replace(cell.machine.probe, repeatability=0.0007)))
