@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ..compensate import loop, whose
+from ..compensate.frame import along_the_drawing
 from ..compensate.hidden import Present, of_record, uncorrected
 from ..files.checked import load, read_text
 from ..files.origin import check_values, current, read_origin
@@ -128,6 +129,13 @@ def whose_is(kept: loop.Kept, cell: Cell, where: str = "") -> None:
         raise InputError(
             f"{where}{kept.folder}: found {why}; allowed: one that was proposed for {name!r}. Where its files are in the "
             f"control of {name!r}, load there what it had before"
+        )
+    if why := along_the_drawing(kept.record, cell.machine):
+        raise InputError(
+            f"{where}{kept.folder}: found centers, directions or component errors that an earlier version wrote along the axes of "
+            f"machine.yaml; allowed: those along the axes of the control: {why}. In the control they act the wrong way "
+            "round. If they are in it, enter there what it held before the first of them, and note it: 'tango compensate "
+            "--rolled-back N --reason TEXT'. Then propose anew, with readings made after that"
         )
 
 

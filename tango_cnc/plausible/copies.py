@@ -20,6 +20,7 @@ FEWEST = 10  # touches that both have
 FINEST = 1e-5  # mm: differences below this are rounding
 BETTER = 0.5  # of the stated repeatability: so much better than stated many a probe repeats
 DIGITS = (1.0, 0.1, 0.01, 0.001, 1e-4)  # mm: last digits of positions
+Pass = tuple[int, int]  # day and cycle
 
 
 def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], bool]]:
@@ -28,12 +29,12 @@ def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, in
     Positions whose last digit is coarser than the repeatability say nothing: two honest touches often read the same there.
     """
     known = set()
-    for later, earlier, apart in _pairs(machine, readings):
-        shift = np.median(apart, axis=0)
-        alike = np.all(np.abs(apart - shift) < max(ALIKE * machine.probe.repeatability, FINEST), axis=1)
-        if alike.mean() > SHARE and later not in known:
+    for later, before, apart in _pairs(machine, readings):
+        shift = np.median(apart, axis=1, keepdims=True)
+        alike = np.all(np.abs(apart - shift) < max(ALIKE * machine.probe.repeatability, FINEST), axis=2).mean(axis=1)
+        for i in np.flatnonzero(alike > SHARE)[: later not in known]:
             known.add(later)
-            yield later, earlier, bool(np.any(np.abs(shift) > FINEST))
+            yield later, before[i], bool(np.any(np.abs(shift[i]) > FINEST))
 
 
 def too_alike(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
@@ -41,15 +42,18 @@ def too_alike(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int,
 
     Half of the touches decide, so that single bad ones do not hide it; the axis that moves farthest from touch to touch counts.
     """
-    for later, earlier, apart in _pairs(machine, readings):
-        away = np.abs(apart - np.median(apart, axis=0)).max(axis=1)
-        scatter = float(np.median(away)) / 0.6745 / np.sqrt(2)  # of normal noise, half lies within 0.6745 standard deviations
-        if scatter < QUIET * machine.probe.repeatability:
-            yield later, earlier, scatter
+    for later, before, apart in _pairs(machine, readings):
+        away = np.abs(apart - np.median(apart, axis=1, keepdims=True)).max(axis=2)
+        scatter = np.median(away, axis=1) / 0.6745 / np.sqrt(2)  # of normal noise, half lies within 0.6745 standard deviations
+        for i in np.flatnonzero(scatter < QUIET * machine.probe.repeatability):
+            yield later, before[i], float(scatter[i])
 
 
-def _pairs(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], Array]]:
-    """→ (day, cycle), (day, cycle) before it, (n, k) mm between their positions; none where the digits cannot tell."""
+def _pairs(machine: Machine, readings: Readings) -> Iterator[tuple[Pass, list[Pass], Array]]:
+    """→ (day, cycle), e of those before it, (e, n, k) mm between their positions; none where the digits cannot tell.
+
+    Where all have the same touches, a pass is compared with all before it at once: there may be hundreds.
+    """
     used = readings.rows(readings.ok)
     columns = [used.axes.index(name) for name in used.axes if name in machine.linear]
     passes = list(dict.fromkeys(zip(used.day.tolist(), used.cycle.tolist(), strict=True)))
@@ -57,11 +61,18 @@ def _pairs(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, in
     if len(passes) < 2 or repeats <= 0 or last_digit(used.position[:, columns]) > repeats:
         return
     own = {p: np.flatnonzero((used.day == p[0]) & (used.cycle == p[1])) for p in passes}
+    ordered = [rows[np.argsort(used.touch[rows], kind="stable")] for rows in own.values()]
+    numbers = used.touch[ordered[0]]
+    if len(numbers) >= FEWEST and np.all(np.diff(numbers) > 0) and all(np.array_equal(used.touch[r], numbers) for r in ordered):
+        at = used.position[np.stack(ordered)][:, :, columns]
+        for i, later in enumerate(passes[1:], 1):
+            yield later, passes[:i], at[i] - at[:i]
+        return
     for i, later in enumerate(passes):
         for earlier in passes[:i]:
             _, a, b = np.intersect1d(used.touch[own[later]], used.touch[own[earlier]], return_indices=True)
             if len(a) >= FEWEST:
-                yield later, earlier, used.position[own[later][a]][:, columns] - used.position[own[earlier][b]][:, columns]
+                yield later, [earlier], (used.position[own[later][a]] - used.position[own[earlier][b]])[None][:, :, columns]
 
 
 def last_digit(values: Array) -> float:
