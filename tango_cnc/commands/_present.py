@@ -50,6 +50,8 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
             )
         return None, {}
     if str(source) == "none":
+        if last is not None and not options["despite"]:
+            _without(folder, last, current(folder, options["file"]))
         return Present({}, {}), {}
     readings, judged = current(folder, options["file"]), options["trial_of"] is None
     if source.is_dir():
@@ -78,6 +80,22 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
     if last is None or last.record["target"] != options["target"]:
         return Present(numbers, {}, cut), {}
     return Present(numbers, uncorrected(last.record), cut), {}
+
+
+def _without(folder: Path, last: loop.Kept, readings: Path) -> None:
+    """cell, compensation in its control, readings that somebody says were made without it → nothing. Raises InputError where they
+    ended after it had been noted as written."""
+    since = next(
+        (e["utc"] for e in reversed(loop.history(folder)) if (e["compensation"], e["event"]) == (last.number, "written")), ""
+    )
+    when = ended(readings) if since and readings.exists() else None
+    if when is not None and when[:19] > since[:19]:
+        raise InputError(
+            f"--present: found none, and {readings}, which ended at {when}, after compensation {last.number} had been noted as in "
+            f"the control ({since}); allowed: --present {pasted(last.folder)} where it was in the control while they were made; "
+            f"'tango compensate --rolled-back {last.number} --reason TEXT' where it had been taken out; --despite where it was "
+            "switched off for this run"
+        )
 
 
 def contained(folder: Path, options: dict[str, Any], twice: str = "The program would correct the same errors once more") -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import special
 
 from ..records import Array, Machine, Readings
 
@@ -17,8 +18,9 @@ QUIET = 0.2  # of the stated repeatability: cycles that agree better were copied
 SHARE = 0.9  # of the touches of two cycles that have to be alike
 FEWEST = 10  # touches that both have
 FINEST = 1e-5  # mm: differences below this are rounding
-Pass = tuple[int, int]  # day and cycle
+BETTER = 0.5  # of the stated repeatability: so much better than stated many a probe repeats
 DIGITS = (1.0, 0.1, 0.01, 0.001, 1e-4)  # mm: last digits of positions
+Pass = tuple[int, int]  # day and cycle
 
 
 def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], bool]]:
@@ -76,3 +78,38 @@ def _pairs(machine: Machine, readings: Readings) -> Iterator[tuple[Pass, list[Pa
 def last_digit(values: Array) -> float:
     """positions, mm → the coarsest of DIGITS of which all are whole multiples; 0 where they have more digits."""
     return next((d for d in DIGITS if np.all(np.abs(values / d - np.round(values / d)) < 1e-6 / d)), 0.0) if values.size else 0.0
+
+
+def alike_by_chance(machine: Machine, readings: Readings) -> float:
+    """machine, readings → chance that so many touches have exactly the position of another one, 0 … 1.
+
+    Touches of one facet at one rotary position scatter by the repeatability, and where that is no more than a few digits of the
+    control many honest ones end on the same digits. Those of different facets never do.
+    """
+    used = readings.rows(readings.ok)
+    linear = [used.axes.index(name) for name in used.axes if name in machine.linear]
+    turned = np.delete(used.position, linear, axis=1)
+    pairs = _couples(used.position)
+    could = _couples(np.column_stack([np.unique(used.facet, return_inverse=True)[1], np.round(turned, 6)]))
+    if pairs > could:
+        return 0.0
+    digit = last_digit(used.position[:, linear])
+    return float(special.bdtrc(pairs - 1, could, _same_digits(digit, BETTER * machine.probe.repeatability))) if pairs else 1.0
+
+
+def _couples(rows: Array) -> int:
+    """(n, k) → how many couples of rows are equal."""
+    _, count = np.unique(rows, axis=0, return_counts=True)
+    return int((count * (count - 1) // 2).sum())
+
+
+def _same_digits(digit: float, scatter: float) -> float:
+    """last digit, standard deviation of a touch, mm → chance that two touches of one point round to the same digits.
+
+    Apart by δ, they do with a chance of 1 − |δ| / digit, and δ has √2 times the scatter.
+    """
+    if scatter <= 0 or digit <= 0:
+        return float(digit > 0)
+    apart = np.sqrt(2) * scatter / digit
+    far = 1 / (np.sqrt(2) * apart)
+    return float(special.erf(far) + apart * np.sqrt(2 / np.pi) * np.expm1(-(far**2)))
