@@ -14,8 +14,9 @@ from scipy import linalg, special
 
 from ..records import Array
 from ..terms import SCALES
+from .by_warmth import rival
 from .changes import change_of
-from .filter import State, Tonight
+from .filter import State, Tonight, per_kelvin
 from .frame import Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
@@ -36,6 +37,7 @@ class Hypothesis:
     directions: Array
     unit: str
     axes: tuple[str, ...] = ()
+    kelvin: float = 0.0  # by which the machine is warmer, where that is the cause
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
         directions = np.zeros((p, len(followed.warm)))
         for j, i in enumerate(followed.warm):
             directions[i, j] = 1.0
-        found.append(Hypothesis("temperature", "temperature", directions, ""))
+        found.append(Hypothesis("temperature", "temperature", directions, "", (), warmer))
     return tuple(found)
 
 
@@ -161,7 +163,31 @@ def name_change(
             seen.append(story)
         begin += m
     found = _best(seen, white, tonight, expected)
+    if found is not None and found[0].hypothesis.cause == "temperature":
+        found, seen = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state))
     return None if found is None else _with_others(*found, seen, white, tonight)
+
+
+def _but_for_warmth(
+    found: tuple[Named, Array], seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight, most: Array
+) -> tuple[tuple[Named, Array], list[tuple[Hypothesis, Array]]]:
+    """temperature as the best story and its pattern, hypotheses with their patterns, (k,) white innovation, judgement, (q,) what a K
+    does at most → the same; another cause before it, or beside it, where temperature alone does not do that; what is tried then.
+    """
+    warm, pattern = found
+    others = [(h, own) for h, own in seen if h.cause != "temperature"]
+    other = rival(pattern * most * warm.hypothesis.kelvin, [own for _, own in others], white, tonight.scale)
+    if other is None:
+        return found, list(seen)
+    if not other.first:
+        near = (others[other.place][0].parameter, *warm.instead)
+        return (replace(warm, instead=tuple(dict.fromkeys(near))[:4]), pattern), list(seen)
+    one, every = _best([others[other.place]], white, tonight, ()), _best(others, white, tonight, ())
+    assert one is not None and every is not None
+    same = every[0].hypothesis is one[0].hypothesis
+    near = every[0].instead if same else (every[0].hypothesis.parameter,)
+    near = ("temperature", *near) if other.near else near
+    return (replace(one[0], instead=near[:4]), one[1]), list(seen)
 
 
 def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
@@ -272,7 +298,10 @@ def _next(
     others = []
     for h, pattern in seen:
         own = pattern - basis @ (basis.T @ pattern)
-        if np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
+        if h.cause == "temperature":  # an error that has moved by itself may have moved with it, too: no night says how far
+            free = np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)
+            h, own, pattern = replace(h, directions=h.directions[:, free]), own[:, free], pattern[:, free]
+        if own.size and np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
             gain, size, std, _ = _fitted(own, left, tonight.scale)
             score = gain - np.log(k) * pattern.shape[1]
             others.append((Named(h, size, std, gain, score, causes[-1].remains, ()), pattern))
