@@ -27,9 +27,10 @@ class Rival(NamedTuple):
     near: bool
 
 
-def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float) -> Rival | None:
-    """(k, q) what temperature does at most to (k,) white innovations, (k, m) patterns of other causes, variance → the cause that
-    says more of the night than temperature, alone or beside it, or nearly as much; None where there is none.
+def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool) -> Rival | None:
+    """(k, q) what temperature does at most to (k,) white innovations, (k, m) patterns of other causes, variance, whether this
+    machine has shown what it does for each K → the cause that says more of the night than temperature, alone or, where that is
+    known, beside it, or nearly as much; None where there is none.
     """
     y, a, price = white / np.sqrt(scale), own / np.sqrt(scale), np.log(len(white))
     warm, found = _evidence(a, y), []
@@ -37,7 +38,7 @@ def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float) -> 
         basis = linalg.orth(pattern)
         along = basis.T @ y
         alone = float(along @ along) - price * basis.shape[1]
-        both = alone + _evidence(a - basis @ (basis.T @ a), y - basis @ along)
+        both = alone + _evidence(a - basis @ (basis.T @ a), y - basis @ along) if learned else -np.inf
         found.append((max(alone, both - NEAR), place, alone))
     if not found:
         return None

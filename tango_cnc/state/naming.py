@@ -16,7 +16,7 @@ from ..records import Array
 from ..terms import SCALES
 from .by_warmth import rival
 from .changes import change_of
-from .filter import State, Tonight, per_kelvin
+from .filter import State, Tonight, per_kelvin, unknown
 from .frame import Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
@@ -163,31 +163,43 @@ def name_change(
             seen.append(story)
         begin += m
     found = _best(seen, white, tonight, expected)
-    if found is not None and found[0].hypothesis.cause == "temperature":
-        found, seen = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state))
-    return None if found is None else _with_others(*found, seen, white, tonight)
+    if found is None:
+        return None
+    if "temperature" in (found[0].hypothesis.cause, *found[0].instead):
+        found = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state), not unknown(followed, state))
+    return _with_others(*found, seen, white, tonight)
 
 
 def _but_for_warmth(
-    found: tuple[Named, Array], seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight, most: Array
-) -> tuple[tuple[Named, Array], list[tuple[Hypothesis, Array]]]:
-    """temperature as the best story and its pattern, hypotheses with their patterns, (k,) white innovation, judgement, (q,) what a K
-    does at most → the same; another cause before it, or beside it, where temperature alone does not do that; what is tried then.
+    found: tuple[Named, Array],
+    seen: Sequence[tuple[Hypothesis, Array]],
+    white: Array,
+    tonight: Tonight,
+    most: Array,
+    learned: bool,
+) -> tuple[Named, Array]:
+    """best story, its pattern, hypotheses with theirs, (k,) white innovation, judgement, (q,) what a K does at most, whether this
+    machine has shown that → the same, where temperature is it or fits nearly as well; another cause before it, or beside it,
+    where so few kelvins do not do that.
     """
-    warm, pattern = found
-    others = [(h, own) for h, own in seen if h.cause != "temperature"]
-    other = rival(pattern * most * warm.hypothesis.kelvin, [own for _, own in others], white, tonight.scale)
+    best, _ = found
+    (warm,) = (item for item in seen if item[0].cause == "temperature")
+    others = [item for item in seen if item[0].cause != "temperature"]
+    other = rival(warm[1] * most * warm[0].kelvin, [own for _, own in others], white, tonight.scale, learned)
+    if best.hypothesis.cause != "temperature":
+        far = other is not None and other.first and not other.near
+        return (replace(best, instead=tuple(n for n in best.instead if n != "temperature")) if far else best), found[1]
     if other is None:
-        return found, list(seen)
+        return found
+    place = other.place
     if not other.first:
-        near = (others[other.place][0].parameter, *warm.instead)
-        return (replace(warm, instead=tuple(dict.fromkeys(near))[:4]), pattern), list(seen)
-    one, every = _best([others[other.place]], white, tonight, ()), _best(others, white, tonight, ())
+        near = (others[place][0].parameter, *best.instead)
+        return replace(best, instead=tuple(dict.fromkeys(near))[:4]), found[1]
+    one, every = _best([others[place]], white, tonight, ()), _best(others, white, tonight, ())
     assert one is not None and every is not None
-    same = every[0].hypothesis is one[0].hypothesis
-    near = every[0].instead if same else (every[0].hypothesis.parameter,)
-    near = ("temperature", *near) if other.near else near
-    return (replace(one[0], instead=near[:4]), one[1]), list(seen)
+    alike = every[0].instead if every[0].hypothesis is one[0].hypothesis else (every[0].hypothesis.parameter,)
+    near = ("temperature", *alike) if other.near else alike
+    return replace(one[0], instead=near[:4]), one[1]
 
 
 def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
