@@ -24,7 +24,7 @@ from pathlib import Path
 from types import FunctionType, MethodType
 from typing import Any
 
-from tango_cnc.gate import served
+from tango_cnc.gate import gate, served
 from tango_cnc.nearest import printable, suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
@@ -355,11 +355,11 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
     from . import _alive
 
     which = job.options.get(GATE.name, "none")
-    gate = post.gate if which == "finger" else None
-    for move, touch in served(job.plan, which):
-        if gate is not None and move.kind == "approach":
-            yield from _said(gate(job, _alive.leg(job, dict(to))))
-            gate = None
+    asks = post.gate if which == "finger" else None
+    before = -1 if asks is None else gate(job.plan).before
+    for number, (move, touch) in enumerate(served(job.plan, which)):
+        if asks is not None and number == before:
+            yield from _said(asks(job, _alive.leg(job, dict(to))))
         came, to = to, {**to, **move.target}
         leg = Leg(move.kind, move.target, to, touch, came)
         yield from _said(steps[move.kind](job, leg))

@@ -9,7 +9,7 @@ from functools import lru_cache
 from textwrap import wrap
 from typing import Any
 
-from tango_cnc.gate import HOLD, PROVING, TOUCH, proving_touch
+from tango_cnc.gate import HOLD, PROVING, TOUCH, gate, proving_touch
 from tango_cnc.gate import RELEASE as RELEASE
 from tango_cnc.records import OFF, InputError, Machine
 
@@ -74,7 +74,9 @@ def stops_for(job: Job, leg: Leg) -> bool:
 
 def proves(job: Job, leg: Leg) -> str:
     """job, the move of the gate → what the program says before it: to a person, or to whoever reads it later."""
-    return f"{PROVING} {comment(leg.touch.facet, 20)}" if leg.kind == "prove" else TOUCHING
+    if leg.kind == "prove":
+        return f"{PROVING} {comment(leg.touch.facet, 20)}"
+    return f"{TOUCH} - THE PROBE MOVES ALONG {way} FOR 20 S" if (way := gate(job.plan).along) else TOUCHING
 
 
 def unproven(job: Job) -> str:

@@ -90,6 +90,8 @@ class Session:
         """event, what there is to say of it → the ledger; what is lost is remembered."""
         if event == "lost":
             self.lost.append(f"{data['text']} ({data['why']})")
+        if event == "stop" and data.get("message"):  # what the control shows until somebody presses cycle start
+            self.show(f"stopped, on the screen: {data['message']}")
         self._put_down(event, **data)
 
     def motion(self) -> Motion:

@@ -63,7 +63,9 @@ def axis_frame(base: int, direction: Vector) -> tuple[Array, int]:
         return np.eye(3), -1
     cross, cosine = np.cross(along, unit), float(along @ unit)
     skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    return np.eye(3) + skew + skew @ skew / (1 + cosine), 1
+    both = along + unit  # of nearly opposite ones 1 + cosine would keep few digits
+    more = 1 + cosine if cosine > 0 else float(both @ both) / 2
+    return np.eye(3) + skew + skew @ skew / more, 1
 
 
 def frame(axes: Array, point: Vector) -> Array:

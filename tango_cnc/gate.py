@@ -36,17 +36,20 @@ class Gate:
     """The slow move that proves the probe alive: positions (mm, rad; columns of `Machine.names`) of its beginning and its end.
 
     It begins where the first descent begins, at the clear level, and goes up along the tool, or sideways where there is no room.
+    With a tool that lies the clear level is beside the table, and the way down to it is a descent, too.
     """
 
     start: tuple[float, ...]
     end: tuple[float, ...]
     feed: float  # mm/min
+    before: int  # which of the moves of the plan (`Plan.served`) comes after it
+    along: str  # axis letter that moves most, with its sign where the tool lies: else it goes up
 
 
 def gate(plan: Plan) -> Gate:
     """plan → the slow move before the first descent. Raises InputError where the travels leave no room for one."""
     first, linear = plan.touches[0], [plan.machine.column(name) for name in plan.machine.linear]
-    start = first.enter or first.over
+    before, start = _descends(plan)
     up = [first.over[i] - first.standoff[i] for i in linear]
     length = math.hypot(*up)
     ways = [[u / length for u in up]] if length > 1e-6 else []
@@ -61,7 +64,35 @@ def gate(plan: Plan) -> Gate:
     end = list(start)
     for i, part in zip(linear, ways[-way], strict=True):
         end[i] += room * part
-    return Gate(start, tuple(end), round(room / ALIVE_TIME * 60, 1))
+    moved = {name: end[plan.machine.column(name)] - start[plan.machine.column(name)] for name in plan.machine.linear}
+    most = max(moved, key=lambda name: abs(moved[name]))
+    along = f"{'-' if moved[most] < 0 else ''}{most}" if _lies(plan) else ""
+    return Gate(start, tuple(end), round(room / ALIVE_TIME * 60, 1), before, along)
+
+
+def _lies(plan: Plan) -> bool:
+    """plan → whether the tool lies at its first touch: more than 45 deg from how it stands with the rotary axes at 0."""
+    first, machine = plan.touches[0], plan.machine
+    off = {name: first.over[machine.column(name)] - first.standoff[machine.column(name)] for name in machine.linear}
+    length = math.hypot(*off.values())
+    return length > 1e-6 and sum(way * _up(machine, name) for name, way in off.items()) / length < ABOVE - 1e-9
+
+
+def _descends(plan: Plan) -> tuple[int, tuple[float, ...]]:
+    """plan → which of its moves is the first that goes below what nothing is beside, and where the axes stand before it.
+
+    With a tool that stands that is the approach from the clear level; with one that lies, what follows its turn, high up.
+    """
+    first, lies, turned = plan.touches[0], _lies(plan), False
+    at: dict[str, float] = {}
+    for number, (move, _) in enumerate(plan.served):
+        if lies and turned and move.kind == "clear":
+            return number, tuple(at.get(name, first.over[i]) for i, name in enumerate(plan.machine.names))
+        if move.kind == "approach":
+            return number, first.enter or first.over
+        turned |= move.kind == "index"
+        at.update(move.target)
+    return 0, first.enter or first.over
 
 
 def _room(plan: Plan, start: Sequence[float], linear: Sequence[int], way: Sequence[float]) -> float:

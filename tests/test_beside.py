@@ -108,7 +108,7 @@ def test_what_an_option_acts_beside_is_there() -> None:
     """One that is spelt otherwise would never be found: the option would be refused always."""
     for words, command in leaves():
         context = click.Context(command)
-        there = {name for p in command.params for name in (*p.opts, p.make_metavar(context).strip("[]"))}
+        there = {name for p in command.params for name in (*p.opts, p.make_metavar(context).strip("[]."))}
         for option in command.params:
             assert there >= {*getattr(option, "beside", ()), *getattr(option, "acting", ())}, (words, option.name)
     assert len(EVERY) > 30 and len(ALONE) > 40

@@ -305,3 +305,35 @@ def test_the_list_and_the_facts_are_complete() -> None:
         assert all(fact.text in facts and fact.source for fact in module.FACTS) and all(
             option in facts for option in module.OPTIONS
         )
+
+
+def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path) -> None:
+    """Columns with the other sign: every reversal value would be entered with the wrong sign, and double the error."""
+    folder = tmp_path / "trunnion"
+    shutil.copytree(ROOT / "examples" / "trunnion", folder)
+    world = folder / "world.yaml"
+    world.write_text(re.sub(r"EXXb: \S+?(?=[,}\s])", "EXXb: 0.006", world.read_text()))
+    assert run("simulate", "-C", folder).exit_code == 0
+    source = next(folder.glob("*.csv"))
+    head, *rows = source.read_text().splitlines()
+    columns = [head.split(",").index(name) for name in ("dX", "dY")]
+    turned = [[str(-int(w)) if i in columns else w for i, w in enumerate(row.split(","))] for row in rows]
+    other = folder / "turned.csv"
+    other.write_text("\n".join([head, *(",".join(row) for row in turned)]) + "\n")
+    asked = ("compensate", "-C", folder, "--target", "fanuc", "--readings", other, "--simulated", "--cap-mm", 1, "--cap-deg", 1)
+    with pytest.raises(TangoError, match=r"µm of what would be written come of EXXb.*, wrong where the mistake"):
+        raise run(*asked).exception or AssertionError
+    assert not (folder / "compensations").exists()
+
+
+def test_readings_of_the_time_after_a_compensation_are_not_taken_as_without_it(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    assert run("compensate", "-C", mill, "--target", "centroid", "--simulated").exit_code == 0
+    assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    asked = ("compensate", "-C", mill, "--target", "centroid", "--simulated", "--present", "none", "--dry-run")
+    assert run(*asked).exit_code == 0
+    history = mill / loop.FOLDER / loop.HISTORY
+    history.write_text(re.sub(r'"utc": "\d{4}', '"utc": "2020', history.read_text()))
+    with pytest.raises(InputError, match=r"--present: found none, and .*, which ended at .*, after compensation 1 had been noted"):
+        raise run(*asked).exception or AssertionError
+    assert run(*asked, "--despite").exit_code == 0

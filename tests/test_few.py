@@ -97,7 +97,7 @@ WHOLE = """
     link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt
     night_in_control night_within nightly_refusing_disk plan_long plausible_copied plausible_either
-    plausible_midway program_stylus repeated_varies run_simulated run_stylus serve_abuse serve_attacks
+    plausible_midway program_stylus run_simulated run_stylus serve_abuse serve_attacks
     serve_browser serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage
     uncertainty_fleet
 """

@@ -232,3 +232,14 @@ def test_nobody_makes_a_first_part_on_a_machine_that_no_night_has_measured(tmp_p
         assert "Nobody knows" in text and "Make no parts with tight limits on it." in text and "first part" not in text, path
     page = seen(place, f"/machine/{M}").partition("For the engineer")[0]
     assert page.count("ort does not open") == 1, page
+
+
+def test_a_night_that_broke_off_begins_with_the_machine_that_may_go_on() -> None:
+    """18 of 226 touches, and the control may still execute the rest: that stood third, below "Make no parts on it"."""
+    why = say("night.broken.broke_off", made="18", planned="226", why="the control has been silent for longer than 47 s")
+    record = night(M, 1, "doubtful", status="partial", plausible={"verdict": "doubtful", "reasons": [why]}, owner="Ann")
+    told = context(record, (), None, texts())
+    assert told["todo"][0].startswith("Look at the machine, and at the alarm screen") and told["todo"][1] == "Make no parts on it."
+    assert sum("Look at the machine" in line for line in told["todo"]) == 1
+    mail = message(record, (), ())[1]
+    assert mail.index("if it moves, stop it at the control. Make no parts on it.") < mail.index("* ")

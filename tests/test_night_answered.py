@@ -445,3 +445,12 @@ def test_what_goes_on_beyond_what_is_ignored_has_one_order_and_one_size(root: Pa
     true = 2 * (0.018 + 4 * 0.003) * 1e3
     said = [float(x) for x in re.findall(r"comes out up to ([0-9.]+) µm", text)]
     assert said and all(abs(x - true) < 4 for x in said)
+
+
+@pytest.mark.long
+def test_a_repair_is_held_against_what_there_was_when_it_was_made(root: Path, tmp_path: Path) -> None:
+    """20 µrad on night 8 and 20 more on night 10: "the repair has made it worse, it was 20 µrad before", and nothing had moved."""
+    story = Story((Event(8, {"EC0X": KNOCK}), Event(10, {"EC0X": KNOCK})), wander=0.5)
+    night = answered(root, tmp_path / "h.db", story, 11, {10: "repaired"})[10]
+    told = [str(a["text"]) for a in night["alarms"] if a.get("repair")]
+    assert told and all("has not helped" in text for text in told) and "worse" not in night["headline"], night["headline"]

@@ -205,6 +205,8 @@ def test_a_night_that_measured_nothing_keeps_the_length_that_the_last_one_has_se
     (told,) = as_seen_last([old], records)
     assert told["total"] == 0.021 and told["now"] == f"it was 21.0 ± 1.0 µm in the night ending {records[1]['night']}"
     assert by_tonight(told)["on_part_um"] == pytest.approx(2 * 21.0)
+    (drift,) = as_seen_last([old | {"rate_per_day": 0.002}], [records[0], {**records[1], "standing": [seen | {"stands": "x"}]}])
+    assert drift["stands"] == "x" and "stands" not in told  # "it goes on night after night", which had stood still for days
     assert as_seen_last([old], records[:1]) == [old] and as_seen_last([old | {"cause": "table"}], [])[0]["total"] is None
 
 

@@ -144,6 +144,15 @@ def test_a_table_that_rings_after_a_turn_is_said(cell: Cell, readings: Readings)
 
 
 @pytest.mark.long
+def test_a_clamp_that_creeps_after_each_indexation_is_said(cell: Cell, readings: Readings) -> None:
+    """4 µm along Y, as far whichever axis has turned, and gone after some three touches: EY0S would be twelve deviations off."""
+    turned = np.any(np.diff(readings.position[:, [cell.machine.column(axis) for axis in "AC"]], axis=0) != 0, axis=1)
+    begin = np.maximum.accumulate(np.where(np.concatenate([[True], turned]), np.arange(len(readings)), 0))
+    found = judged(cell, along(cell, readings, "Y", 0.004 * np.exp(-(np.arange(len(readings)) - begin) / 3)))
+    assert "at the first touches after each indexation" in " ".join(found.reasons) and "EY0S" in found.untrusted
+
+
+@pytest.mark.long
 def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.6 * len(readings)
     x, y = (readings.position[:, cell.machine.column(a)] for a in "XY")

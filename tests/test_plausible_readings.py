@@ -17,7 +17,7 @@ from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
 from tango_cnc.plausible.data import Remark, remarks
 from tango_cnc.plausible.program import another_program
-from tango_cnc.records import Cell, Readings
+from tango_cnc.records import Cell, Readings, World
 
 
 @pytest.fixture(scope="module")
@@ -231,3 +231,27 @@ def test_a_long_pause_is_no_other_unit(cell: Cell, twice: Readings) -> None:
     one = twice.rows(twice.cycle == 1)
     lunch = np.where(np.arange(len(one)) > 40, 5 * 3600.0, 0.0)
     assert not [r for r in remarks(cell, replace(one, time=one.time + lunch)) if "time_s" in r.text]
+
+
+@pytest.fixture(scope="module")
+def in_a_row(cell: Cell) -> tuple[Cell, Readings]:
+    """Six touches of each facet, one after the other: the control writes 1 µm, the probe scatters by the stated 0.7 µm."""
+    each = tuple(replace(i, facets=tuple(f for f in i.facets for _ in range(6))) for i in cell.strategy.indexations[:6])
+    own = replace(cell, strategy=replace(cell.strategy, indexations=each))
+    own = replace(own, machine=replace(cell.machine, probe=replace(cell.machine.probe, repeatability=0.0007)))
+    exact = simulate(own.machine, own.artefact, own.strategy, World(noise=0.0007), seed=3)
+    return own, replace(exact, position=np.column_stack([np.round(exact.position[:, :3], 3), exact.position[:, 3:]]))
+
+
+def test_touches_in_a_row_that_end_on_the_same_digits_by_chance_were_not_copied(in_a_row: tuple[Cell, Readings]) -> None:
+    own, honest_ones = in_a_row
+    assert len(np.unique(honest_ones.position, axis=0)) < 0.95 * len(honest_ones), "many do"
+    assert doubts(own, honest_ones, "copied_positions") == []
+
+
+def test_touches_in_a_row_that_the_control_writes_as_the_first_of_them_were_copied(in_a_row: tuple[Cell, Readings]) -> None:
+    own, readings = in_a_row
+    position = np.array(readings.position)
+    position[:, :3] = position[np.arange(len(position)) // 6 * 6, :3]
+    (remark,) = doubts(own, replace(readings, position=position), "copied_positions")
+    assert "exactly the position of another" in remark.text

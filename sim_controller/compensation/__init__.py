@@ -22,12 +22,13 @@ import numpy as np
 from tango_cnc.files.checked import read_text
 from tango_cnc.files.readjson import read_json
 from tango_cnc.nearest import printable
-from tango_cnc.records import Array, InputError, Machine
+from tango_cnc.records import Array, Axis, InputError, Machine
 
 from ..world import Control, nominal_machine, tip_in_table
 
 LONGEST = 500  # characters of what it says of a file
 LARGEST = 1e9  # no control holds more
+BY_ITSELF = ("iso230",)  # no control reads it: the file says in which frame it is
 ROUNDS = 2  # of the solution for the linear axes: the second one sees 1e-9 mm
 
 
@@ -97,6 +98,29 @@ class Applied:
         return result
 
 
+def _three(vector: Array) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+def in_own_axes(machine: Machine) -> Machine:
+    """machine in any frame, a mirror image of it perhaps → the same as its control knows it: x y z are where + of X Y Z takes the
+    tip over the table. The control was never told of another frame, so positions that go in and come out stay what they are."""
+    nominal, still = nominal_machine(machine), np.zeros((4, len(machine.names)))
+    for i, name in enumerate("XYZ"):
+        still[i + 1, machine.column(name)] = 1.0
+    tips = tip_in_table(nominal, still, np.zeros_like(still))
+    to = np.round(tips[1:] - tips[0], 9)
+    if np.allclose(to, np.eye(3), atol=0.02):
+        return machine
+    left = float(np.linalg.det(to)) < 0  # seen in a mirror, what turns to the right turns to the left
+
+    def seen(axis: Axis) -> Axis:
+        way = to @ np.array(axis.direction) * (-1 if left and axis.kind == "rotary" else 1)
+        return replace(axis, direction=_three(way), point=_three(to @ np.array(axis.point)))
+
+    return replace(machine, axes=tuple(seen(axis) for axis in machine.axes))
+
+
 @cache
 def targets() -> tuple[str, ...]:
     """→ every target that a simulated control takes."""
@@ -117,8 +141,9 @@ def read(folder: Path, machine: Machine, *, tcp: bool = True) -> Control:
     if target not in targets():
         raise InputError(f"{file}: target: found {target!r:.80}; allowed: {', '.join(targets())}")
     module = importlib.import_module(f"{__name__}.{target}")
+    own = machine if target in BY_ITSELF else in_own_axes(machine)
     try:
-        found: Applied = module.read(folder, machine)
+        found: Applied = module.read(folder, own)
     except InputError as error:
         raise InputError(printable(str(error), LONGEST)) from None
     except (ValueError, IndexError, KeyError, StopIteration) as error:
@@ -165,10 +190,10 @@ def moved_axes(machine: Machine, points: Mapping[str, Array], directions: Mappin
     axes = []
     for axis in machine.axes:
         point, direction = points.get(axis.name), directions.get(axis.name)
-        own = axis if point is None else replace(axis, point=(float(point[0]), float(point[1]), float(point[2])))
+        own = axis if point is None else replace(axis, point=_three(point))
         if direction is not None:
             unit = direction / np.linalg.norm(direction)
-            own = replace(own, direction=(float(unit[0]), float(unit[1]), float(unit[2])))
+            own = replace(own, direction=_three(unit))
         axes.append(own)
     believed, nominal = replace(machine, axes=tuple(axes)), nominal_machine(machine)
 

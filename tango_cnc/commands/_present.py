@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ..compensate import loop, whose
+from ..compensate.frame import along_the_drawing
 from ..compensate.hidden import Present, of_record, uncorrected
 from ..files.checked import load, read_text
 from ..files.origin import check_values, current, read_origin
@@ -49,6 +50,8 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
             )
         return None, {}
     if str(source) == "none":
+        if last is not None and not options["despite"]:
+            _without(folder, last, current(folder, options["file"]))
         return Present({}, {}), {}
     readings, judged = current(folder, options["file"]), options["trial_of"] is None
     if source.is_dir():
@@ -77,6 +80,22 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
     if last is None or last.record["target"] != options["target"]:
         return Present(numbers, {}, cut), {}
     return Present(numbers, uncorrected(last.record), cut), {}
+
+
+def _without(folder: Path, last: loop.Kept, readings: Path) -> None:
+    """cell, compensation in its control, readings that somebody says were made without it → nothing. Raises InputError where they
+    ended after it had been noted as written."""
+    since = next(
+        (e["utc"] for e in reversed(loop.history(folder)) if (e["compensation"], e["event"]) == (last.number, "written")), ""
+    )
+    when = ended(readings) if since and readings.exists() else None
+    if when is not None and when[:19] > since[:19]:
+        raise InputError(
+            f"--present: found none, and {readings}, which ended at {when}, after compensation {last.number} had been noted as in "
+            f"the control ({since}); allowed: --present {pasted(last.folder)} where it was in the control while they were made; "
+            f"'tango compensate --rolled-back {last.number} --reason TEXT' where it had been taken out; --despite where it was "
+            "switched off for this run"
+        )
 
 
 def contained(folder: Path, options: dict[str, Any], twice: str = "The program would correct the same errors once more") -> None:
@@ -128,6 +147,13 @@ def whose_is(kept: loop.Kept, cell: Cell, where: str = "") -> None:
         raise InputError(
             f"{where}{kept.folder}: found {why}; allowed: one that was proposed for {name!r}. Where its files are in the "
             f"control of {name!r}, load there what it had before"
+        )
+    if why := along_the_drawing(kept.record, cell.machine):
+        raise InputError(
+            f"{where}{kept.folder}: found centers, directions or component errors that an earlier version wrote along the axes of "
+            f"machine.yaml; allowed: those along the axes of the control: {why}. In the control they act the wrong way "
+            "round. If they are in it, enter there what it held before the first of them, and note it: 'tango compensate "
+            "--rolled-back N --reason TEXT'. Then propose anew, with readings made after that"
         )
 
 

@@ -13,6 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
+from ._links import say_doubt
 from ._start import ask, counts, obeys, refuse_fatal, tries_of, unattended, unproven_of
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def conducted(
     from .check import positioning_feed
 
     someone = attended()
+    say_doubt(post, address)
     if yes or not someone:
         unattended(cell, post)
     else:

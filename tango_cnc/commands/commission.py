@@ -20,6 +20,7 @@ from ._commission_record import record_of
 from ._commission_second import Ready, at_quarter, file_of, held_aside, unasked
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
 from ._handed import Kept, hands, whole
+from ._links import say_doubt
 from ._start import HELD, counts, in_spindle, obeys
 from ._written import said_beside, written
 from .check import positioning_feed
@@ -143,6 +144,7 @@ def command(
     made = moves.plan
     if address is not None:
         fitting(address, post.link, made)
+        say_doubt(post, address)
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
     first = by_hand_first(made, wanted, controller.post).values()

@@ -14,7 +14,7 @@ from ..compensate import as_json, capped, loop, propose, targets
 from ..compensate.contradicted import contradicted
 from ..compensate.outcome import Outcome, asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
-from ..compensate.trusted import as_far_as_trusted, worth_acting
+from ..compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
@@ -179,6 +179,8 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     if not options["dry_run"]:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
         worth_acting(proposal.fit, result, untrusted, options["despite"])
+        if judgement.verdict == "doubtful" and not options["despite"]:
+            kept_as_promised(proposal.fit, result, {*judgement.untrusted} - {*dict(judgement.hidden)})
     if options["trial_of"] is not None:
         return _sign_trial.written(cell, proposal, result, options, _now(), simulated=simulated)
     if last and not options["despite"]:

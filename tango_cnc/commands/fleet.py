@@ -25,7 +25,7 @@ from ..report.repeated import as_found, on_another_day
 from ..report.tonight import is_unsure, sized
 from ..texts import instead, joined, say, unstopped
 from ._answered import answer_now, in_short, run_without_report, unanswered
-from ._beside import beside
+from ._beside import alone, beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
@@ -92,7 +92,7 @@ class _Row:
     metavar="HOURS",
     help="Late after this, without a complete night [default: late_hours of nightly.yaml, 36 without it].",
 )
-@click.option(
+@alone("CELLS", "-C", "--history", "--dask", "--json")(
     "--again",
     "target",
     type=click.Path(path_type=Path),

@@ -21,6 +21,7 @@ from ..records import Cell, InputError, LinkError, Plan
 from ._beside import alone
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
 from ._handed import Kept, hands, printed, whole
+from ._links import say_doubt
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
@@ -129,6 +130,7 @@ def command(
         cell = goal.cell
     made = plan(cell, obstructed) if goal is None else goal.plan
     fitting(address, post.link, made)
+    say_doubt(post, address)
     for text in warnings(made):
         printed(text, err=True)
     if gate_of(cell, post) == "facet":

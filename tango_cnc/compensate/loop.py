@@ -35,6 +35,7 @@ CHECK = "check-"  # with the number: the cell of a short check, beside the compe
 STEPS, CELL = "steps.txt", "tango.yaml"
 NUMBER = "{N}"
 MADE_FROM = "made-from.csv"  # the readings of the run that a compensation was made from
+ALONG = "Centers, directions and component errors are written along the axes of the control. Jog each axis a little, and see"
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
@@ -132,6 +133,8 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
         + "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in given)
     )
     steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
+    if proposal.along:
+        steps.insert(0, f"{ALONG} that {proposal.along}. If it is not so, load nothing, and mend machine.yaml.")
     return [text for text in steps if text != said] if trial else steps
 
 

@@ -14,6 +14,7 @@ from ..estimate import Estimate
 from ..records import Array, InputError, Machine, TangoError
 from . import hidden, targets, whose
 from .fit import Fit, fit, holding, known, rms
+from .frame import said
 from .hidden import Present
 from .promise import Figure
 from .space import Held, Limits, limits_of, sample
@@ -47,6 +48,12 @@ class Proposal:
     def held(self) -> tuple[Held, ...]:
         """→ every number that the target can store."""
         return self.fit.held
+
+    @property
+    def along(self) -> str:
+        """→ where the control has x, y and z in machine.yaml; '' where both frames are one, and where no number has a direction."""
+        counted = any(h.tcp or (h.slot is not None and h.slot.stage in ("inter", "intra")) for h in self.held)
+        return said(self.request.described) if counted else ""
 
     @property
     def files(self) -> dict[str, str]:
@@ -194,6 +201,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "machine": machine.name,
         "topology": machine.topology,
         "options": dict(proposal.request.options),
+        **({"along": proposal.along} if proposal.along else {}),
         "volume": {name: _limits(machine, name, proposal.request.limits) for name in proposal.request.limits},
         "over": proposal.over,
         "present_given": proposal.given,

@@ -22,6 +22,7 @@ from ..kinematics import Slot
 from ..records import Array, InputError, Machine
 from ..touches import Touches
 from ..verify.volume import setup_lever
+from .frame import back
 
 LONGER = 100.0  # mm of tool between the two tips whose difference is its direction
 REACH = 300.0  # mm: a turn counts as this many mm a rad when small numbers are preferred
@@ -57,10 +58,14 @@ class Held:
     along: int | None = None  # of a center: which of x y z of the machine it is
     between: bool = False  # of a center: it counts from another axis, and from no zero of the machine
     counted: bool = False  # its file has a whole number: of how many increments it is
+    digits: int = 0  # significant ones that its file has, where no control but a program reads it; 0: it has increments
 
     def number(self, value: float) -> float:
-        """v in mm, rad, mm/mm → what the control stores, rounded to its increment."""
-        steps = round((self.base + self.sign * self.factor * value) / self.increment)
+        """v in mm, rad, mm/mm → what the control stores, rounded to its increment, or to significant digits."""
+        exact = self.base + self.sign * self.factor * value
+        if self.digits:
+            return float(f"{exact:.{self.digits}g}") + 0.0
+        steps = round(exact / self.increment)
         return round(steps * self.increment, 12) + 0.0
 
     def written(self, number: float) -> float:
@@ -239,8 +244,8 @@ def _turns(slot: Slot, machine: Machine) -> bool:
     return slot.axis in machine.rotary if slot.stage == "motion" else slot.component >= 3
 
 
-def believed(machine: Machine, axis: str, what: Literal["point", "direction"], way: Array) -> Lever:
-    """machine, axis, its point (mm) or direction (rad), (3,) machine frame → lever of that belief of the control.
+def believed(axis: str, what: Literal["point", "direction"], way: Array) -> Lever:
+    """axis, its point (mm) or direction (rad), (3,) along the axes of the control → lever of that belief of the control.
 
     A control that believes the axis to lie where it is moves the tool by the difference: the derivative of its kinematics, by
     differences of the chain. The workpiece at the zero pose stays where it is.
@@ -248,13 +253,13 @@ def believed(machine: Machine, axis: str, what: Literal["point", "direction"], w
     step = 1.0 if what == "point" else 1e-4
 
     def lever(poses: Poses) -> Array:
-        tips = []
+        tips, own = [], poses.machine.axis(axis)
+        to = back(poses.machine, way, about=what == "direction")
         for sign in (1.0, -1.0):
-            moved = np.array(getattr(machine.axis(axis), what)) + sign * step * way
+            moved = np.array(getattr(own, what)) + sign * step * to
             if what == "direction":
                 moved = moved / np.linalg.norm(moved)
             there = (float(moved[0]), float(moved[1]), float(moved[2]))
-            own = poses.machine.axis(axis)
             changed = replace(own, point=there) if what == "point" else replace(own, direction=there)
             axes = tuple(changed if a.name == axis else a for a in poses.machine.axes)
             tips.append(kinematics.tip(kinematics.chain(replace(poses.machine, axes=axes)), poses.touches.position))

@@ -39,6 +39,23 @@ def worth_acting(best: Fit, result: Estimate, untrusted: Collection[str], despit
         )
 
 
+def kept_as_promised(best: Fit, result: Estimate, wrong: Collection[str]) -> None:
+    """proposal's fit, estimate, labels that something named makes wrong → nothing.
+
+    Raises TangoError where these would break the promise: its interval contains their scatter, and no wrong sign and no wrong bar.
+    """
+    named = {result.selection.label(s.name): s.effect_um * s.held for s in best.shares if s.word != "set-up"}
+    own = {label: size for label, size in named.items() if label in wrong}
+    size = sum(effect**2 for effect in own.values()) ** 0.5
+    if size > best.rms_after.high:
+        names = _some(sorted(own, key=lambda label: -own[label]))
+        raise TangoError(
+            f"compensate: {size:.1f} µm of what would be written come of {names}, wrong where the mistake named above is "
+            f"one. Then more would be left than {best.rms_after.value:.2f} µm ({best.rms_after.low:.2f} to "
+            f"{best.rms_after.high:.2f}). Nothing was written. Mend the mistake and propose anew; --despite where it is none"
+        )
+
+
 def as_far_as_trusted(
     found: Outcome,
     record: Mapping[str, object],

@@ -21,6 +21,7 @@ from ..iso230.poses import at_poses
 from ..loaded import AS_SEEN
 from ..records import Array, InputError, Machine
 from .fit import known, rms
+from .frame import of_control
 from .outcome import HELPED, Outcome, listed, no_help, promises, rolled_back
 from .promise import DRAWS, Figure
 from .seen import NEAR, WITHIN
@@ -79,9 +80,10 @@ def turn(asked: Short, axis: str, angle: float, *, fixture: bool) -> Turn:
     if not asked.first_tcp:
         error = error - asked.kinematics(poses, new=False)
     levers = found.levers(poses).reshape(4, 3, -1)
-    frame = np.linalg.inv(kinematics.affine(chain, at)[2][1]) if fixture else np.eye(3)
+    own = of_control(machine)  # what a person reads is along the axes of the control
+    frame = np.linalg.inv(kinematics.affine(chain, at)[2][1]) if fixture else own
     names = [machine.names[c] for c in chain.linear_columns] if fixture else list("XYZ")
-    along = np.abs(np.array(machine.axis(axis).direction))
+    along = np.abs(own @ np.array(machine.axis(axis).direction))
     letters = tuple("XYZ"[i] for i in range(3) if along[i] < 0.5)
     rows = [names.index(letter) for letter in letters]
     without, way = frame @ -(error[1] - error[0]), frame @ (moved[1] - moved[0])

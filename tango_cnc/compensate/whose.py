@@ -316,5 +316,7 @@ def _doubts(
 
 
 def _off_grid(h: Held, number: float) -> bool:
+    if h.digits:  # a program reads as many as somebody writes
+        return False
     steps = number / h.increment
     return abs(steps - round(steps)) > max(ON_GRID, 1e-12 * abs(steps))

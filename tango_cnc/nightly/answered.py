@@ -7,6 +7,7 @@ seen, with its interval and, of a drift, with its rate; what goes beyond that al
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -84,6 +85,7 @@ def after_repairs(
     helped: list[dict[str, Any]] = []
     still: list[dict[str, Any]] = []
     left, done = list(alarms), _judged_by_tonight(past, machine, repaired(past, machine))
+    seen = _seen_last(past, machine) if done else {}
     for d, stored, wrong in _meant(past, machine, done):
         if (m := moved(past, machine, k, after, stored, wrong)) is None:
             if wrong["cause"] in WITHOUT_SIZE and not alarms:
@@ -95,13 +97,27 @@ def after_repairs(
         elif (found := _and_more(past, machine, k, after, stored, wrong, m)) is not None:
             helped.append(_helped(wrong, d, *found))
         else:
-            still.append(_still(k, wrong, d, m))
+            still.append(_still(k, wrong, d, _as_it_was(m, seen.get(str(wrong["id"])))))
     said = done[-1] if done else None
     what = joined("", (" (", joined(", ", [h["left"] for h in helped]), ")")) if helped else ""
     if said is not None:
         told = {"owner": said.owner, "date": said.utc[:10], "what": what}
         left = [a | {"text": say("changed.after_repair", text=a["text"], **told)} for a in left]
     return [*still, *left], helped
+
+
+def _seen_last(past: Past, machine: str) -> dict[str, float | None]:
+    """history, machine → {alarm of another night: how far it was in the last night with a result, in its unit}."""
+    known = past.latest_knowledge(machine)
+    record: Mapping[str, Any] = {} if known is None else past.records_of([known[0].entry])[known[0].entry]
+    return {str(a["id"]): a.get("total") for a in record.get("standing") or ()}
+
+
+def _as_it_was(m: Moved, total: float | None) -> Moved:
+    """what became of what was repaired, how far it was when it was → the same, held against that: who repairs a drift of 13 µm that
+    began with 2.5 µm has made nothing worse.
+    """
+    return m if total is None or len(m.then) != 1 else replace(m, then=np.array([float(total)]))
 
 
 def _judged_by_tonight(past: Past, machine: str, done: Sequence[Decision]) -> list[Decision]:
@@ -195,7 +211,8 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
     begun = since if way == "same" else d.utc[:10]  # before the repair parts were off by another size
     effect, on_part, _ = effect_of(k, wrong["cause"], wrong["parameter"], size, m.unit, moved_, begun)
     if was is not None and begun != since:
-        on_part = say("night.repaired.over_part", now=on_part, night=since, before=number(float(was), "µm", signed=False))
+        before = abs(float(was) * then / float(wrong["size"])) if wrong.get("size") and len(m.then) == 1 else float(was)
+        on_part = say("night.repaired.over_part", now=on_part, night=since, before=number(before, "µm", signed=False))
     return {
         **{"id": "", "since": since, "rate_per_day": None, "instead": list(wrong.get("instead") or ())},
         **{key: wrong[key] for key in ("alike", "alike_by") if wrong.get(key)},

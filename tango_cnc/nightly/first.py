@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..report.answer import PARTS, of_moving
+from ..report.look import may_move
 from ..report.texts import Texts
 from ..report.tonight import is_gone, only_set_up
 from ..state.changes import change
@@ -32,7 +33,8 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
     if verdict == "not_measured" and not (record.get("last_measured") or record.get("unread")):
         return [f"{t('may.ask')} {t('may.unknown')}. {t('may.brief_never')}"]
     if known in ("out_of_limits", "doubtful"):
-        return [t("may.brief_no")]
+        reasons = (record.get("plausible") or {}).get("reasons") or () if verdict == "doubtful" else ()
+        return [" ".join([*may_move(reasons, t), t("may.brief_no")])]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
         return []
     alarms = (*record["alarms"], *(record.get("standing") or ()))

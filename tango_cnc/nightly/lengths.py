@@ -48,8 +48,8 @@ def _with_total(
 
 
 def as_seen_last(alarms: Sequence[dict[str, Any]], recent: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """alarms of other nights, records newest first → the same; those of a length with how far the last night that is believed has
-    seen them, for a night that knows nothing itself.
+    """alarms of other nights, records newest first → the same for a night that knows nothing itself: those of a length with how far
+    the last night that is believed has seen them, those of a drift with since when it stands still.
     """
     last = next((r for r in recent if r.get("verdict") not in ("not_measured", "doubtful")), {})
     seen = {str(a["id"]): a for a in last.get("standing") or ()}
@@ -57,6 +57,8 @@ def as_seen_last(alarms: Sequence[dict[str, Any]], recent: Sequence[Mapping[str,
 
 
 def _as_seen(a: dict[str, Any], seen: Mapping[str, Any] | None, night: str) -> dict[str, Any]:
+    pace = {key: seen[key] for key in ("stands", "slowed") if seen.get(key)} if seen is not None and a.get("rate_per_day") else {}
+    a = {**a, **pace}
     if a["cause"] not in LENGTHS or a.get("ended") or a.get("now") or seen is None or seen.get("total") is None:
         return a
     now = seen.get("now")

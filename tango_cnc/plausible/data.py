@@ -13,7 +13,7 @@ from ..judgement import Verdict
 from ..records import Cell, Readings
 from ..texts import joined, say
 from ..touches import FAR
-from .copies import copied, last_digit, too_alike
+from .copies import alike_by_chance, copied, last_digit, too_alike
 from .rounding import away, counted, grid, partly, swamping
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
@@ -25,6 +25,7 @@ SHORT = 0.25  # of the least time that the moves take, below which touches come 
 LONG = 200.0  # times that least time, which half of the touches exceed: milliseconds are a thousand times as many
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
 LONGEST = 20  # touches that may go one way by the plan
+CHANCE = 1e-6  # that so many honest touches have the position of another one, below which they were copied
 COARSE = 0.01  # mm: positions that are all whole multiples of it were rounded, or come from a display
 
 
@@ -51,7 +52,7 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     yield from _missing(touches, readings, resume_of(run))
     yield from _twice(readings)
     pasted = list(_pasted(cell, readings))
-    yield from pasted or _echoed(readings)
+    yield from pasted or _echoed(cell, readings)
     yield from _clock(readings)
     yield from _sorted(cell, readings)
     yield from () if (run or {}).get("simulated") else _pace(cell, readings)  # a simulated control is as fast as it can
@@ -129,9 +130,10 @@ def _twice(readings: Readings) -> Iterator[Remark]:
         )
 
 
-def _echoed(readings: Readings) -> Iterator[Remark]:
+def _echoed(cell: Cell, readings: Readings) -> Iterator[Remark]:
     rows, count = np.unique(readings.position[readings.ok], axis=0, return_counts=True)
-    if len(rows) and not coarse(readings) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum():
+    often = len(rows) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum()
+    if often and not coarse(readings) and alike_by_chance(cell.machine, readings) < CHANCE:
         yield Remark(
             "doubtful",
             say("plausible.readings.touches_have_exactly_position_another", sum=int(count[count > 1].sum())),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import kinematics
 from ..records import Array
@@ -14,6 +15,7 @@ from ..touches import FAR, Touches
 LEADS = (2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 16.0, 20.0, 24.0, 25.0, 30.0, 32.0, 40.0)  # mm: of ball screws, and halves
 SETTLED = 20.0  # s after a turn in which what it shook or heated has faded to a third
 TURNED = math.radians(60)  # rad that S turns, at least, before touches show whether stylus or table has moved
+FADES = (1.5, 4.0)  # touches after an indexation in which what settles then has faded to a third
 SEEN = 0.2  # share of the largest wave below which one is not looked for
 
 
@@ -25,6 +27,8 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     yield from _by_place(touches)
     for axis in touches.machine.rotary:
         yield "settles", axis, touches.machine_normal * _settling(touches, axis)[:, None]
+    for fades in FADES:
+        yield "indexed", "", touches.machine_normal * np.exp(-_behind(touches) / fades)[:, None]
     yield "memory", "", _remembered(touches)
 
 
@@ -106,11 +110,21 @@ def places(touches: Touches) -> Array:
 
 def _settling(touches: Touches, axis: str) -> Array:
     """rotary axis → (n,) rad, its last turn, fading with the time since the first touch behind it."""
-    at, index = touches.axis(axis), touches.indexation
-    first = np.concatenate([[True], index[1:] != index[:-1]])
-    begin = np.flatnonzero(first)[np.cumsum(first) - 1]
+    at, begin = touches.axis(axis), _begin(touches)
     turn = at - at[np.maximum(begin - 1, 0)]
     return np.asarray(turn * np.exp(-(touches.time - touches.time[begin]) / SETTLED))
+
+
+def _begin(touches: Touches) -> NDArray[np.int64]:
+    """→ (n,) row of the first touch of the indexation of each."""
+    index = touches.indexation
+    first = np.concatenate([[True], index[1:] != index[:-1]])
+    return np.asarray(np.flatnonzero(first)[np.cumsum(first) - 1])
+
+
+def _behind(touches: Touches) -> Array:
+    """→ (n,) touches since the first one of its indexation: whatever has turned or was clamped for it, it is the same each time."""
+    return np.asarray(np.arange(len(touches)) - _begin(touches), dtype=float)
 
 
 def _remembered(touches: Touches) -> Array:

@@ -38,7 +38,7 @@ class Walk:
         """plan, options of its profile → nothing has moved yet."""
         self._plan, self._moves = plan, served(plan, str(options.get("gate", "none")))
         self._switched = Switches(options)
-        self._touch = plan.touches[0]
+        self._touch, self._number = plan.touches[0], -1  # which move is due
         self.next: Move | None = None
         self._advance()
         self._chain, self._solid = kinematics.chain(plan.machine), check.solid(plan.artefact)
@@ -55,7 +55,7 @@ class Walk:
         """→ whether the next motion has to be the one that proves the probe alive: before the first descent."""
         if self.on_facet:
             return True
-        return self._gate is not None and not self._up and self.next is not None and self.next.kind == "approach"
+        return self._gate is not None and not self._up and self._number == self._gate.before
 
     @property
     def on_facet(self) -> bool:
@@ -107,7 +107,7 @@ class Walk:
 
     def _advance(self) -> None:
         """The next motion of the plan is due, with the touch that it serves."""
-        due = next(self._moves, None)
+        due, self._number = next(self._moves, None), self._number + 1
         self.next = None if due is None else due[0]
         if due is not None:
             self._touch = due[1]

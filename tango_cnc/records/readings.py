@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,12 @@ class Readings:
         taken |= {name: tuple(map(getattr(self, name).__getitem__, index.tolist())) for name in ("facet", "status")}
         return replace(self, **taken, temperatures={name: values[index] for name, values in self.temperatures.items()})
 
-    @property
+    @cached_property
     def ok(self) -> NDArray[np.bool_]:
         """→ (n,) mask of the touches that made contact where they should."""
-        return np.array([status == "ok" for status in self.status], dtype=np.bool_)
+        found = np.array([status == "ok" for status in self.status], dtype=np.bool_)
+        found.flags.writeable = False  # many ask
+        return found
 
 
 @dataclass(frozen=True)

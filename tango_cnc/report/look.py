@@ -12,6 +12,7 @@ from typing import Any
 from ..texts import Said
 from .texts import Texts
 
+GOES_ON = "look.night.broken.broke_off"  # of a program that the control may go on with
 MOST = 3  # things to look at: the first reasons say most
 
 
@@ -20,6 +21,13 @@ def looks(reasons: Sequence[Any], t: Texts) -> list[str]:
     found = [next((t(key) for key in keys(r) if key in t), "") for r in reasons]
     told = list(dict.fromkeys(x for x in found if x))[:MOST]
     return told or [t("look.other")]
+
+
+def may_move(reasons: Sequence[Any], t: Texts) -> list[str]:
+    """reasons of a record, texts → to look at the machine first, where a program broke off that the control may go on
+    with; else [].
+    """
+    return [t(GOES_ON)] if any(key == GOES_ON for r in reasons for key in keys(r)) else []
 
 
 def orders(reasons: Sequence[Any], t: Texts) -> str:

@@ -15,7 +15,7 @@ from .alarm import whole_sentence
 from .answer import NEWER, PARTS, Answer, is_cut_off, is_moving, is_unsent, is_waiting
 from .days import day
 from .faults import asking, begun, for_setting_up, of_probe, settled, untried
-from .look import looks
+from .look import looks, may_move
 from .plain import plain, shop
 from .reach import to_ask
 from .texts import Texts
@@ -52,6 +52,8 @@ def orders(
     status, verdict = record.get("status"), record.get("verdict")
     failed = [p for p in record.get("preflight") or () if not p.get("passed")]
     first = [*orders_of_cut_off(former, t), *([told_here(t("night.moved_do"))] if record.get("moved") else [])]
+    reasons = (record.get("plausible") or {}).get("reasons") or () if verdict == "doubtful" else ()
+    first += may_move(reasons, t)
     first += [parts_first(told, found, t), t("morning.old_todo") if told.old else ""]
     first = [x for x in first if x]
     lines = [told_here(p["do"] or _see_to(p, t)) for p in failed]
@@ -62,7 +64,7 @@ def orders(
     elif status == "missed" and not failed and not told.old:
         lines.append(told_here(t("morning.missed_todo")))
     if verdict == "doubtful":
-        lines += [*looks((record.get("plausible") or {}).get("reasons") or (), t), told_here(t("night.doubtful_do"))]
+        lines += [*looks(reasons, t), told_here(t("night.doubtful_do"))]
     elif (done := settled(found)) == "accept" and verdict == "out_of_limits":  # accepted, and beyond the limit all the same
         lines += of_faults([a for a in found if not a["id"]] or [{"todo": t("todo.limit"), "text": ""}], t)
     elif done:

@@ -115,7 +115,7 @@ def story(kind: str) -> list[dict[str, Any]]:
         "beyond": night(M, 1, "out_of_limits", alarms=[alarm], limits=[BEYOND], **now),
         "probe": night(M, 1, "changed", alarms=[bent], **now),
         "moving": night(M, 1, "not_measured", moved=True, **NOTHING, **now),
-        "nothing": night(M, 1, "not_measured", **NOTHING, **now),
+        "nothing": night(M, 1, "not_measured", last_measured=before["night"], last_verdict="good", **NOTHING, **now),
         "doubtful": night(M, 1, "doubtful", plausible={"verdict": "implausible", "reasons": ["x"]}, **now),
     }[kind]
     return [night(M, 0, **before) | {"simulated": True}, last]

@@ -19,13 +19,14 @@ import math
 import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from types import ModuleType
 from typing import Any
 
 from ...files.checked import suggestion
 from ...records import InputError, Machine
 from ...terms import Coefficient
+from ..frame import as_controlled
 from ..space import Held, Limits
 
 SIGN_TRIAL = "sign trial"  # a step; `loop.store` writes out what to try
@@ -66,10 +67,15 @@ class Derived:
 class Request:
     """What a target is asked for."""
 
-    machine: Machine
+    described: Machine  # of machine.yaml, in its frame: the coefficients are of it
     limits: Limits
     options: Mapping[str, Any]
     coefficients: tuple[Coefficient, ...] = ()
+
+    @cached_property
+    def machine(self) -> Machine:
+        """→ the machine as its control counts it: what a target writes is along these axes."""
+        return as_controlled(self.described)
 
 
 @cache

@@ -9,6 +9,8 @@ import numpy as np
 
 from ...kinematics import Slot, axis_frame
 from ...records import COMPONENTS, Array, Machine
+from ..frame import component as own_component
+from ..frame import of_control
 from ..space import Held, Limits, Table, believed, by_slot, knots, tabulated
 from . import Fact, Request
 
@@ -77,8 +79,12 @@ def centre(
     increment: float = 1e-3,
     base: float = 0.0,
 ) -> Held:
-    """axis, x y z, place → where the control believes the line of the axis to be, mm, machine coordinates at the zero pose."""
-    lever = believed(machine, axis, "point", np.eye(3)[component])
+    """machine of the control, axis, x y z, place → where the control believes the line of the axis to be at the zero pose, mm.
+
+    Raises InputError where its linear axes are not at right angles.
+    """
+    of_control(machine)
+    lever = believed(axis, "point", np.eye(3)[component])
     return Held(place, table, "mm", "length", increment, lever, 1.0, sign, base, tcp=True, along=component)
 
 
@@ -93,10 +99,12 @@ def tilt(
     increment: float = 1e-9,
     base: float = 0.0,
 ) -> Held:
-    """axis, x y z, place → a component of the direction that the control believes the axis to have."""
-    return Held(
-        place, table, "1", "angle", increment, believed(machine, axis, "direction", np.eye(3)[component]), 1.0, sign, base, tcp=True
-    )
+    """machine of the control, axis, x y z, place → a component of the direction that the control believes the axis to have.
+
+    Raises InputError where its linear axes are not at right angles.
+    """
+    of_control(machine)
+    return Held(place, table, "1", "angle", increment, believed(axis, "direction", np.eye(3)[component]), 1.0, sign, base, tcp=True)
 
 
 def across(machine: Machine, axis: str) -> tuple[int, ...]:
@@ -116,7 +124,7 @@ def component_errors(request: Request, points: int, increment: tuple[float, floa
     held: list[Held] = []
     for axis in (*machine.linear, *machine.rotary):
         for i, letter in enumerate(COMPONENTS):
-            slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", i)
+            slot, sign = (Slot(axis, "motion"), 1) if letter == axis else own_component(request.described, axis, "intra", i)
             angle = i >= 3
             table = Table(
                 f"E{letter}{axis}",
@@ -126,15 +134,16 @@ def component_errors(request: Request, points: int, increment: tuple[float, floa
                 (0,),
                 "rad" if angle else "mm",
                 1.0,
-                1,
+                sign,
                 increment[angle],
             )
             held += tabulated(table, machine)
     return held
 
 
-def position_errors(machine: Machine, increment: tuple[float, float], written: str = "E{letter}0{axis}") -> list[Held]:
-    """machine, increments of mm and rad, how a name is written → axis location errors EA0Y … EC0C of every axis."""
+def position_errors(request: Request, increment: tuple[float, float]) -> list[Held]:
+    """job, increments of mm and rad → axis location errors EA0Y … EC0C of every axis."""
+    machine = request.machine
     held: list[Held] = []
     for axis in (*machine.linear, *machine.rotary):
         base = axis_frame(axis, machine.axis(axis).direction)[1]
@@ -143,7 +152,7 @@ def position_errors(machine: Machine, increment: tuple[float, float], written: s
                 continue  # a linear axis has a direction and no place
             if axis in machine.rotary and i % 3 == base:
                 continue  # along and about itself is a matter of its zero
-            slot = Slot(axis, "inter", i)
+            slot, sign = own_component(request.described, axis, "inter", i)
             angle = i >= 3
             held.append(
                 Held(
@@ -153,6 +162,7 @@ def position_errors(machine: Machine, increment: tuple[float, float], written: s
                     "angle" if angle else "length",
                     increment[angle],
                     by_slot(slot, lambda t: np.ones(len(t))),
+                    sign=sign,
                     slot=slot,
                 )
             )

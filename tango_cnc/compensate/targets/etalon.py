@@ -29,10 +29,10 @@ derived = none_derived
 def held(request: Request) -> list[Held]:
     """job → location errors and component errors of every axis."""
     found = [
-        *position_errors(request.machine, (1e-9, 1e-12)),
+        *position_errors(request, (1e-9, 1e-12)),
         *component_errors(request, int(request.options["points"]), (1e-9, 1e-12)),
     ]
-    return [replace(h, sign=int(request.options["sign"])) for h in found]
+    return [replace(h, sign=int(request.options["sign"]) * h.sign) for h in found]
 
 
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:

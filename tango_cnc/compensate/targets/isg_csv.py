@@ -36,10 +36,10 @@ def held(request: Request) -> list[Held]:
     """job → location errors and component errors of every axis."""
     sign = int(request.options["sign"])
     found = [
-        *position_errors(request.machine, (1e-7, 1e-10)),
+        *position_errors(request, (1e-7, 1e-10)),
         *component_errors(request, int(request.options["points"]), (1e-7, 1e-10)),
     ]
-    return [replace(h, sign=sign) for h in found]
+    return [replace(h, sign=sign * h.sign) for h in found]
 
 
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:

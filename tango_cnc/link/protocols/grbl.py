@@ -132,13 +132,12 @@ class Client(Control):
         self._goal = dict(self._at)
         yield from self._clear()
         self._events.append(Begun(self._task.mark, len(self._task.numbers)))
-        proven = TOUCH not in self._task.program  # a program without the gate asks for nobody's finger
-        for move, touch in self._served:
+        before = gate(self._task.plan).before if TOUCH in self._task.program else -1  # one without the gate asks for no finger
+        for number, (move, touch) in enumerate(self._served):
             if self._stopping:
                 yield from self._leave()
-            if move.kind == "approach" and not proven:
+            if number == before:
                 yield from self._prove()
-                proven = True
             self._allowed = self._task.patience[self._order[move.touch]]
             self._given += 1
             yield from self._make(move)
@@ -148,7 +147,8 @@ class Client(Control):
     def _prove(self) -> Talk:
         """A slow search up during which somebody touches the stylus, then back. Raises Stop when nobody has been noticed."""
         up = gate(self._task.plan)
-        self._events.append(Asked(f"{TOUCH} NOW: the probe moves up slowly for 20 s and has to notice it"))
+        way = f"along {up.along}" if up.along else "up"
+        self._events.append(Asked(f"{TOUCH} NOW: the probe moves {way} slowly for 20 s and has to notice it"))
         yield from self._say(f"({TOUCH})")
         flag, place = self._contact((yield from self._go(targets.SEARCH, self._linear(up.end), up.feed)))
         if not flag:
