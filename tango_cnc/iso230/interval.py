@@ -53,11 +53,8 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     the noise of three components. Where a range is many times its uncertainty, k is large and few draws would count: beyond the
     largest power the ends are moved instead, by as much as the rest of the power moves a normal distribution. One or two bad
     guides are such a machine. How much of that is noise depends on the order of the motions: where all are polynomials to degree
-    3, the whole power takes ranges below what is true. So the ends above have a part of it, and are not moved. Noise takes a range
-    farther up than down, and draws around what was read end soon below it, however they count. What was read may be as far above
-    what is true as they are above what was read; ends that go down so far held too much, and the mean of both is used.
-    Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989; for the ends below Davison and
-    Hinkley, Bootstrap Methods and their Application, 1997, 5.2 (basic limits).
+    3, the whole power takes ranges below what is true. So the ends above have a part of it, and are not moved.
+    Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
     sizes, mean = _sizes(curves), curves.mean(axis=-1, keepdims=True)
     part = PART[0 if curves.ndim == 2 else 1]
@@ -102,9 +99,6 @@ def _counted(
     by = min(whole, steepest)
     less = (whole - by) * scatter / read if moves and whole > by else 0.0
     low, least, best = (max(q - less, 0.0) for q in _quantiles(sizes, by, [tail, 2 * tail, 0.5]))
-    if moves:
-        basic = [2 * read - float(np.quantile(sizes, 1 - t)) for t in (tail, 2 * tail)]
-        low, least = (max(min(end, (end + other) / 2), 0.0) for end, other in zip((low, least), basic, strict=True))
     most, high = _quantiles(sizes, above * by, [1 - 2 * tail, 1 - tail])
     return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
 
