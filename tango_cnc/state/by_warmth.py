@@ -19,7 +19,7 @@ SIZES = np.geomspace(1.0, 1 / 64, 13)  # times the most that a kelvin does: how 
 NEAR = 6.0  # of the evidence: what is nearer fits nearly as well
 
 
-class Rival(NamedTuple):
+class BesideWarmth(NamedTuple):
     """A cause beside temperature: its place among those tried, whether it comes first, whether temperature fits nearly as well."""
 
     place: int
@@ -27,7 +27,7 @@ class Rival(NamedTuple):
     near: bool
 
 
-def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool) -> Rival | None:
+def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool) -> BesideWarmth | None:
     """(k, q) what temperature does at most to (k,) white innovations, (k, m) patterns of other causes, variance, whether this
     machine has shown what it does for each K → the cause that says more of the night than temperature, alone or, where that is
     known, beside it, or nearly as much; None where there is none.
@@ -45,7 +45,7 @@ def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, lea
     best, place, alone = max(found)
     if best <= warm and alone <= warm - NEAR:
         return None
-    return Rival(place, best > warm + NEAR or alone > warm - NEAR, best < warm + NEAR)
+    return BesideWarmth(place, best > warm + NEAR or alone > warm - NEAR, best < warm + NEAR)
 
 
 def _evidence(a: Array, y: Array) -> float:
