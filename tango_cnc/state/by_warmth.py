@@ -27,10 +27,12 @@ class BesideWarmth(NamedTuple):
     near: bool
 
 
-def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool) -> BesideWarmth | None:
+def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool, beyond: Array) -> BesideWarmth | None:
     """(k, q) what temperature does at most to (k,) white innovations, (k, m) patterns of other causes, variance, whether this
-    machine has shown what it does for each K → the cause that says more of the night than temperature, alone or, where that is
-    known, beside it, or nearly as much; None where there is none.
+    machine has shown what it does for each K, which of these causes are a step that no machine makes for so few → the cause that
+    says more of the night than temperature, alone or beside it, or nearly as much; None where there is none.
+
+    Where nothing is known, one error may follow the temperature and no other: a cause beside it comes first for its size only.
     """
     y, a, price = white / np.sqrt(scale), own / np.sqrt(scale), np.log(len(white))
     warm, found = _evidence(a, y), []
@@ -38,14 +40,15 @@ def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, lea
         basis = linalg.orth(pattern)
         along = basis.T @ y
         alone = float(along @ along) - price * basis.shape[1]
-        both = alone + _evidence(a - basis @ (basis.T @ a), y - basis @ along) if learned else -np.inf
+        both = alone + _evidence(a - basis @ (basis.T @ a), y - basis @ along)
         found.append((max(alone, both - NEAR), place, alone))
     if not found:
         return None
     best, place, alone = max(found)
     if best <= warm and alone <= warm - NEAR:
         return None
-    return BesideWarmth(place, best > warm + NEAR or alone > warm - NEAR, best < warm + NEAR)
+    first = best > warm + NEAR and (learned or beyond[place] or alone >= best)
+    return BesideWarmth(place, first or alone > warm - NEAR, best < warm + NEAR or not learned)
 
 
 def _evidence(a: Array, y: Array) -> float:

@@ -17,7 +17,7 @@ from ..terms import SCALES
 from .by_warmth import rival
 from .changes import change_of
 from .filter import State, Tonight, per_kelvin, unknown
-from .frame import Frame
+from .frame import WARM, Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
 ALIKE = 0.05  # share of a direction that the first cause cannot make, below which another one is the same
@@ -26,6 +26,8 @@ CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
 HARDLY = 1.0  # the same of a ball or a facet: touches without weight leave next to nothing of it, and its size is anything then
 WARMER = 1.0  # K: a smaller change of temperature is no cause
+
+A_KELVIN = 5 / 3  # times what machines do for a K: more is no temperature where nothing else is known
 
 
 @dataclass(frozen=True)
@@ -185,10 +187,12 @@ def _but_for_warmth(
     best, _ = found
     (warm,) = (item for item in seen if item[0].cause == "temperature")
     others = [item for item in seen if item[0].cause != "temperature"]
-    other = rival(warm[1] * most * warm[0].kelvin, [own for _, own in others], white, tonight.scale, learned)
+    steps = [_fitted(own, white, tonight.scale)[1] for _, own in others]
+    far = [len(x) == 1 and abs(x[0]) > A_KELVIN * _most(h) * abs(warm[0].kelvin) for (h, _), x in zip(others, steps, strict=True)]
+    other = rival(warm[1] * most * warm[0].kelvin, [own for _, own in others], white, tonight.scale, learned, np.array(far))
     if best.hypothesis.cause != "temperature":
-        far = other is not None and other.first and not other.near
-        return (replace(best, instead=tuple(n for n in best.instead if n != "temperature")) if far else best), found[1]
+        knock = other is not None and other.first and not other.near
+        return (replace(best, instead=tuple(n for n in best.instead if n != "temperature")) if knock else best), found[1]
     if other is None:
         return found
     place = other.place
@@ -200,6 +204,11 @@ def _but_for_warmth(
     alike = every[0].instead if every[0].hypothesis is one[0].hypothesis else (every[0].hypothesis.parameter,)
     near = ("temperature", *alike) if other.near else alike
     return replace(one[0], instead=near[:4]), one[1]
+
+
+def _most(h: Hypothesis) -> float:
+    """hypothesis → mm, rad … that machines do for each K."""
+    return WARM.get(h.unit, WARM[""])
 
 
 def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
