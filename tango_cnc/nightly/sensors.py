@@ -60,7 +60,7 @@ def states(
     alive = {name for name, s in found.items() if s["state"] in (HEARD, PARTLY)}
     for name, s in found.items():
         last = _counts(known.get(name))
-        if name in alive or last is None:
+        if name in alive or last is None or s.get("why") == "unit":
             continue
         then = {n: v for n in alive if n != name and (v := _counts(known.get(n))) is not None}
         moved = float(np.mean([found[n]["mean"] - v for n, v in then.items()])) if then else 0.0
