@@ -99,8 +99,8 @@ def _cec(found: list[tuple[str, str, str, int]], machine: Machine, axes: Mapping
             raise InputError(f"cec.ini: the simulated control refuses it: table {t} lacks its axes")
         by, out = ways[t]["INPUT"], ways[t]["OUTPUT"]
         points, table = _table("cec.ini", own, frames.get(t, {}), _scale(machine, by))
-        both = [CEC_SIGN * _scale(machine, out) * table for _ in range(2)]
-        trims.append(Trim(out, by, points, *both, _modulo(machine, by)))
+        both = CEC_SIGN * _scale(machine, out) * table
+        trims.append(Trim(out, by, points, both, both, _modulo(machine, by)))
     return trims
 
 
@@ -121,8 +121,8 @@ def _enc(found: list[tuple[str, str, str, int]], machine: Machine, axes: Mapping
     trims = []
     for axis, own in values.items():
         points, table = _table("enc_comp.ini", own, frames.get(axis, {}), _scale(machine, axis))
-        both = [ENC_SIGN * _scale(machine, axis) * table for _ in range(2)]
-        trims.append(Trim(axis, axis, points, *both, _modulo(machine, axis)))
+        both = ENC_SIGN * _scale(machine, axis) * table
+        trims.append(Trim(axis, axis, points, both, both, _modulo(machine, axis)))
     return trims
 
 

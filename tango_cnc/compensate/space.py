@@ -198,7 +198,7 @@ def knots_of_turn(limits: Limits, axis: str, points: int) -> tuple[Array, int]:
     step = TURN / turn
     first = math.floor(low / step + EDGE)
     count = min(math.ceil(high / step - EDGE) - first + 1, turn)
-    return step * np.arange(first, first + count), turn
+    return np.asarray(step * np.arange(first, first + count), dtype=np.float64), turn
 
 
 def in_turn(count: int, turn: int, i: int) -> int:
