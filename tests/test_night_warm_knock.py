@@ -13,7 +13,10 @@ from sim_controller.simulate import simulate
 from tango_cnc import state as s
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.nightly import parts
+from tango_cnc.nightly.sensors import how_warm
 from tango_cnc.records import Cell, Readings, World
+from tango_cnc.report.tonight import by_verdict
+from tango_cnc.texts import say
 from tango_cnc.touches import from_readings
 
 SWINGS = {"EX0C": 6e-4, "EX0S": 6e-4, "EXX1": 1.5e-6, "EYY1": 1.5e-6, "EZZ1": 1.5e-6}  # a K
@@ -104,3 +107,15 @@ def test_one_night_does_not_determine_anew_what_a_machine_has_shown_for_each_kel
     never, again = (s.reopened(state, shop.followed, None, temperature=True).std[own] for state in (shop.first, shop.learned))
     length = [j for j, i in enumerate(shop.followed.warm) if shop.followed.units[i] == "mm"]
     assert np.all(never[length] > 2.9e-3) and np.all(again[length] < 1.5e-3)
+
+
+def test_who_was_at_the_machine_is_asked_first_where_a_knock_may_be_all_of_it() -> None:
+    alarm = {"cause": "temperature", "text": say("changed.unknown", size="9 µm"), "do": say("cause.temperature.do"), "size": 0.009}
+    before = [{"night": "2026-10-18", "temperatures": {"bed": {"mean": 20.0, "first": 20.0, "last": 20.0}}}]
+    either, warm = (how_warm(alarm | {"instead": x}, {"bed": {"state": "heard"}}, 23.0, before) for x in (["EX0C"], []))
+    assert either["do"].startswith(
+        "Ask first who was at the machine: a knock (EX0C) may be all of it. Where nobody was: Make parts"
+    )
+    assert warm["do"] == alarm["do"]
+    beyond = by_verdict(either, "out_of_limits")["do"]
+    assert beyond.startswith("Ask first who") and "Make parts" not in beyond and "usual temperature and measure it again" in beyond
