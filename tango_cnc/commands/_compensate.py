@@ -14,7 +14,7 @@ from ..compensate.space import sample
 from ..compensate.trial import Sign
 from ..estimate import Estimate
 from ..identify.words import summary
-from ..records import InputError, Machine
+from ..records import Cell, InputError, Machine
 from ._common import table
 
 LEAST_WORSE = 0.1  # µm: a growth by less is rounding
@@ -50,6 +50,18 @@ def volume_text(record: Mapping[str, Any]) -> str:
 def settings_of(record: Mapping[str, Any]) -> list[str]:
     """record of a compensation, or nothing → its settings as --set has them."""
     return [f"{key}={value}" for key, value in record.get("options", {}).items()]
+
+
+def in_millimeters(cell: Cell, name: str) -> None:
+    """cell, target → nothing. Raises InputError where its control counts in inches, and would read the millimeters of a file so."""
+    options = cell.controller.options if cell.controller is not None else {}
+    if options.get("position_unit") == "inch" and not getattr(targets.load(name), "UNIT_BESIDE", False):
+        beside = ", ".join(n for n in targets.names() if getattr(targets.load(n), "UNIT_BESIDE", False))
+        raise InputError(
+            f"--target {name}: found a control that counts in inches (position_unit: inch in tango.yaml), and the lengths of this "
+            f"target are in millimeters: it would take them as inches. Allowed: a target that has the unit beside its numbers "
+            f"({beside}); of value_sheet, enter each mm divided by 25.4"
+        )
 
 
 def listed() -> str:

@@ -164,6 +164,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     if options["target"] is None:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
+    _compensate.in_millimeters(cell, options["target"])
     there, last = present(cell, options)
     simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
     result, judgement = _estimate(cell, options)

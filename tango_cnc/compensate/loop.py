@@ -27,6 +27,7 @@ from ..loaded import IN_CONTROL, Happened, Holds, holds
 from ..records import InputError, TangoError
 from .forms import of_another
 from .proposal import FORMAT, Proposal, as_json
+from .space import Held
 from .targets import SIGN_TRIAL, unconfirmed
 from .whose import axes_of, travel_of
 
@@ -133,9 +134,21 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
         + "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in given)
     )
     steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
+    if said_unit := unit_of(proposal.held):
+        steps.insert(0, said_unit)
     if proposal.along:
         steps.insert(0, f"{ALONG} that {proposal.along}. If it is not so, load nothing, and mend machine.yaml.")
     return [text for text in steps if text != said] if trial else steps
+
+
+def unit_of(held: Sequence[Held]) -> str:
+    """entries → a sentence with the unit of their lengths; '' where none of them is a length."""
+    if not any("mm" in h.unit for h in held):
+        return ""
+    return (
+        "Lengths in these files are in millimeters. A control that is set to inches would take them as inches, 25.4 times as much: "
+        "load nothing there."
+    )
 
 
 def afterwards(cell: Path, number: int, proposal: Proposal, by_hand: Sequence[str]) -> list[str]:

@@ -26,6 +26,7 @@ OPTIONS = {
     "points": Option(33, "points of each table"),
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
 }
+UNIT_BESIDE = True
 check = any_machine
 derived = none_derived
 

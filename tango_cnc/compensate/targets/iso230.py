@@ -19,6 +19,7 @@ FACTS = (
 )
 FINEST = 1e-15  # in the unit of a value; a coefficient of degree 3 is finer, so digits count, and no increments
 OPTIONS = {"digits": Option(9, "significant digits of each value", tuple(range(4, 16)))}
+UNIT_BESIDE = True
 check = any_machine
 derived = none_derived
 

@@ -24,6 +24,7 @@ OPTIONS = {
     "reversal": Option("yes", "reversal values", ("yes", "no")),
     "increment": Option(0.001, "what the control stores in steps of, mm or degrees", within=(1e-7, 0.01)),
 }
+UNIT_BESIDE = True
 check = any_machine
 derived = none_derived
 
