@@ -181,9 +181,10 @@ def _one_orientation(best: Fit) -> list[str]:
         return []
     seen = best.rms_after
     return [
-        f"NOTE: the spindle was never turned, so where it is may be the runout of the stylus ({1e3 * best.widened.size:.1f} µm in each "
-        "direction, from EXt, EYt and tolerances.runout): none of it is written, and all of it is in these intervals. For a tool "
-        f"that runs out as the stylus does, {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left. Touch with S turned "
+        "NOTE: the spindle was never turned, so where it is may be the runout of the stylus "
+        f"({1e3 * best.widened.size:.1f} µm in each direction, from EXt, EYt and tolerances.runout): none of it is written, and "
+        "all of it is in these intervals. For a tool that runs out as the stylus does, "
+        f"{seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left. Touch with S turned "
         "by 180° as well, and propose anew",
     ]
 

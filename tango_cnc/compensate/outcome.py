@@ -12,8 +12,8 @@ import numpy as np
 from ..estimate import Estimate
 from ..loaded import AS_SEEN, HELPS
 from ..records import Array
-from .fit import Known, known, rms
 from . import unparted
+from .fit import Known, known, rms
 from .hidden import of_record, unseen
 from .loop import Kept
 from .promise import DRAWS, Figure, mean, there
