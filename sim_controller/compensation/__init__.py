@@ -41,11 +41,12 @@ class Trim:
     points: Array
     up: Array
     down: Array
+    modulo: bool = False  # whether the axis counts 0 to 360 degrees
 
     def at(self, machine: Machine, positions: Array, directions: Array) -> Array:
         """(n, k), (n, k) → (n,) what is added; beyond the ends that of the end."""
         column = machine.column(self.by)
-        where = positions[:, column]
+        where = np.mod(positions[:, column], 2 * np.pi) if self.modulo else positions[:, column]
         return np.where(directions[:, column] < 0, np.interp(where, self.points, self.down), np.interp(where, self.points, self.up))
 
 

@@ -69,6 +69,11 @@ def _scale(machine: Machine, axis: str) -> float:
     return 1.0 if axis in machine.linear else math.pi / 180
 
 
+def _modulo(machine: Machine, axis: str) -> bool:
+    """→ whether the control counts the axis from 0 to 360 degrees: a rotary axis without limits, whatever its tables say."""
+    return axis in machine.rotary and machine.axis(axis).travel is None
+
+
 def _cec(found: list[tuple[str, str, str, int]], machine: Machine, axes: Mapping[str, str]) -> list[Trim]:
     values: dict[int, dict[int, float]] = {}
     frames: dict[int, dict[str, float]] = {}
@@ -94,7 +99,8 @@ def _cec(found: list[tuple[str, str, str, int]], machine: Machine, axes: Mapping
             raise InputError(f"cec.ini: the simulated control refuses it: table {t} lacks its axes")
         by, out = ways[t]["INPUT"], ways[t]["OUTPUT"]
         points, table = _table("cec.ini", own, frames.get(t, {}), _scale(machine, by))
-        trims.append(Trim(out, by, points, *(CEC_SIGN * _scale(machine, out) * table for _ in range(2))))
+        both = CEC_SIGN * _scale(machine, out) * table
+        trims.append(Trim(out, by, points, both, both, _modulo(machine, by)))
     return trims
 
 
@@ -115,7 +121,8 @@ def _enc(found: list[tuple[str, str, str, int]], machine: Machine, axes: Mapping
     trims = []
     for axis, own in values.items():
         points, table = _table("enc_comp.ini", own, frames.get(axis, {}), _scale(machine, axis))
-        trims.append(Trim(axis, axis, points, *(ENC_SIGN * _scale(machine, axis) * table for _ in range(2))))
+        both = ENC_SIGN * _scale(machine, axis) * table
+        trims.append(Trim(axis, axis, points, both, both, _modulo(machine, axis)))
     return trims
 
 

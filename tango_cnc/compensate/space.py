@@ -25,6 +25,8 @@ from ..verify.volume import setup_lever
 from .frame import back
 
 LONGER = 100.0  # mm of tool between the two tips whose difference is its direction
+TURN = 2 * math.pi
+EDGE = 1e-6  # of the distance of two points: what rounding of limits leaves
 REACH = 300.0  # mm: a turn counts as this many mm a rad when small numbers are preferred
 Limits = Mapping[str, tuple[float, float]]  # axis: lower and upper end, mm or rad
 Lever = Callable[["Poses"], Array]
@@ -179,9 +181,46 @@ def knots(limits: Limits, axis: str, points: int) -> Array:
     return np.linspace(*limits[axis], points)
 
 
-def hat(touches: Touches, axis: str, points: Array, i: int, sense: int = 0) -> Array:
-    """(n,) share of table point i: linear between the points, held beyond both ends; 0 while moving against `sense`."""
-    value = np.interp(touches.axis(axis), points, np.eye(len(points))[i])
+def turns_whole(machine: Machine, axis: str) -> bool:
+    """machine, axis → whether it can turn once round or more: the same place then has several positions, 360 degrees apart."""
+    travel = machine.axis(axis).travel
+    return axis in machine.rotary and (travel is None or travel[1] - travel[0] >= TURN - 1e-9)
+
+
+def knots_of_turn(limits: Limits, axis: str, points: int) -> tuple[Array, int]:
+    """volume, rotary axis, number → points of a table that cover it, rad, and how many of them a whole turn has.
+
+    They are whole multiples of their distance, so that a table of any travel has the same ones in each of its turns. Not more
+    than one for each place of the turn.
+    """
+    low, high = limits[axis]
+    turn = math.ceil(TURN * (points - 1) / (high - low) - EDGE)
+    step = TURN / turn
+    first = math.floor(low / step + EDGE)
+    count = min(math.ceil(high / step - EDGE) - first + 1, turn)
+    return np.asarray(step * np.arange(first, first + count), dtype=np.float64), turn
+
+
+def in_turn(count: int, turn: int, i: int) -> int:
+    """points of a table, places of a whole turn, a place from the first point on → the point that holds there.
+
+    Where nothing was touched that is the nearer one of both ends.
+    """
+    i %= turn
+    return i if i < count else count - 1 if i - (count - 1) <= turn - i else 0
+
+
+def hat(touches: Touches, axis: str, points: Array, i: int, sense: int = 0, turn: int = 0) -> Array:
+    """(n,) share of table point i: linear between the points, held beyond both ends; 0 while moving against `sense`.
+
+    `turn`: of how many places a whole turn is, for a table that comes again with each turn; 0: it does not.
+    """
+    at = touches.axis(axis)
+    if turn:
+        own = np.array([float(in_turn(len(points), turn, j) == i) for j in range(turn + 1)])
+        value = np.interp(np.mod(at - points[0], TURN), TURN / turn * np.arange(turn + 1), own)
+    else:
+        value = np.interp(at, points, np.eye(len(points))[i])
     return value if not sense else value * (touches.sign(axis) == sense)
 
 
@@ -204,6 +243,7 @@ class Table:
     sign: int = 1
     increment: float = 1e-6
     more: Mapping[str, bool] = field(default_factory=dict)
+    turn: int = 0  # places of a whole turn, where the table comes again with each turn; 0: it does not
 
 
 def tabulated(table: Table, machine: Machine) -> list[Held]:
@@ -215,7 +255,7 @@ def tabulated(table: Table, machine: Machine) -> list[Held]:
             way = {0: "", 1: ", moving up", -1: ", moving down"}[sense]
 
             def share(t: Touches, i: int = i, sense: int = sense) -> Array:
-                return hat(t, table.axis, table.points, i, sense)
+                return hat(t, table.axis, table.points, i, sense, table.turn)
 
             kind: Literal["length", "angle"] = "angle" if _turns(table.slot, machine) else "length"
             place = f"{table.name} at {table.axis} {at * scale:.6g} {unit}{way}"

@@ -33,7 +33,7 @@ from ..state import (
     updated,
     warmed,
 )
-from ..state.filter import as_numbers
+from ..state.filter import as_numbers, unknown
 from ..state.naming import SCALES
 from ..state.volume import Volume, over_volume
 from ..texts import say
@@ -60,7 +60,7 @@ from .standing import by_urgency, since_full, standing, unheard
 from .stylus import crept, tip_of
 from .swings import as_swing, without_swing
 from .trend import UNLEARNED, drift, looking_ahead, slopes
-from .warmth import as_sure_as, as_warm_as, unknown, with_warmth
+from .warmth import as_sure_as, as_warm_as, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -172,6 +172,8 @@ class Nights(BeforeNight):
         named, opened, stated = None, ahead, tonight
         tonight = as_scattered(ahead, what, stated)
         if alarm and (tonight.p_machine <= tonight.p_noise or (stated.wider > 1 and tonight.p_machine < NOISY)):
+            ahead = parts.as_last_night(self.followed, ahead, parts.mean(warmth), recent)
+            what = self._seen(readings, ahead, ahead.mean)
             named, what, stated, tonight = self._named(past, readings, recent, ahead, warmth, what, stated)
             opened = parts.opened(ahead, self.followed, named)
         machine = self.cell.machine.name

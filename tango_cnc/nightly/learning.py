@@ -12,12 +12,11 @@ import numpy as np
 from ..history import Knowledge
 from ..records import Array, Readings
 from ..state import Frame, Seen, State, learn, reopened, seen
-from ..state.filter import matched, restored, sigma_of
+from ..state.filter import matched, restored, sigma_of, unknown
 from . import parts
 from .lag import Lag, followed_anew
 from .ports import Past
 from .sensors import counted
-from .warmth import unknown
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned

@@ -13,10 +13,12 @@ from ..history import Knowledge
 from ..model import Model, known, linearise
 from ..records import Array, Indexation, Readings, Strategy
 from ..state import Frame, Named, Seen, State, Tonight, reopened
-from ..state.filter import sigma_of
+from ..state.filter import sigma_of, unknown
+from ..state.naming import WARMER
 from ..texts import say
 from ..touches import from_readings
 from .control import COVER
+from .sensors import TEMPERATURE, celsius_of
 
 LINEAR = 0.05  # mm: on a ball of 20 mm, a probe that is off by more meets it elsewhere by more than a tenth of a micrometre
 UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
@@ -39,12 +41,25 @@ def part_of(strategy: Strategy, touches: Sequence[int]) -> tuple[Strategy, list[
 
 def opened(ahead: State, followed: Frame, named: Named | None) -> State:
     """predicted state, what changed → the state that lets it."""
+    warm = named is not None and any(one.hypothesis.cause == TEMPERATURE for one in named.all)
+    learned = not unknown(followed, ahead)  # an error that goes on as it did for every K has moved by itself
     if named is None or named.remains < 1e-4:
         wide = reopened(ahead, followed, None)
-        return reopened(wide, followed, None, True) if named is not None and named.hypothesis.cause == "temperature" else wide
-    if named.hypothesis.cause == "temperature":
-        return reopened(ahead, followed, None, True)
-    return reopened(ahead, followed, np.hstack([_wide(one) for one in named.all]))
+    elif not (own := [one for one in named.all if learned or one.hypothesis.cause != TEMPERATURE]):
+        wide = ahead
+    else:
+        wide = reopened(ahead, followed, np.hstack([_wide(one) for one in own]))
+    return reopened(wide, followed, None, True) if warm else wide
+
+
+def as_last_night(followed: Frame, ahead: State, now: float | None, recent: Sequence[Mapping[str, Any]]) -> State:
+    """frame, predicted state, °C that count, records newest first → the state as it is known: before it is known what the machine
+    does for each K, it is of the temperature of the last night, where that was clearly another one than tonight's.
+    """
+    then = next((c for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None), None)
+    if now is None or then is None or not unknown(followed, ahead) or abs(now - then) < WARMER:
+        return ahead
+    return replace(ahead, reference=then)
 
 
 def far(named: Named | None) -> Array | None:

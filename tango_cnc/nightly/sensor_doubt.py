@@ -25,12 +25,14 @@ LOOKED, LATELY = 30, 7  # records
 REFERENCE = 20.0  # °C (ISO 1): of two new sensors that contradict one is nearer to it
 NEAR = 4.0  # K: a value in another unit that comes so near to what was expected has that unit
 
+SHOP = (55.0, 95.0)  # °F of a shop (13 … 35 °C): a machine of which every sensor says so much in °C has them in °F
+
 
 def in_doubt(
     found: Mapping[str, Mapping[str, Any]], recent: Sequence[Mapping[str, Any]], *, soon: bool
 ) -> dict[str, dict[str, Any]]:
     """what each sensor did tonight, records newest first, whether the last of them is no month ago → {sensor that is not believed:
-    `why` (`jumped`, `left`, `strange`), `kelvin` that it went too far}.
+    `why` (`jumped`, `left`, `strange`, `unit`), `kelvin` that it went too far}.
     """
     said = {name: float(s["mean"]) for name, s in found.items() if s["state"] in BELIEVED}
     past = [_said(r) for r in recent[:LOOKED]]
@@ -40,6 +42,8 @@ def in_doubt(
         for name, (j, habit) in jumps.items()
         if habit is not None and soon and abs(j) >= max(JUMPS, HABIT * habit)
     }
+    if _fahrenheit(said):
+        doubts |= {name: {"why": "unit", "kelvin": j} for name, (j, habit) in jumps.items() if habit is None}
     left = [name for name in said if name not in doubts]
     apart = {(a, b): _apart(a, b, said, past) for a in left for b in left if a != b}
     for name in left:
@@ -56,9 +60,15 @@ def in_doubt(
 
 
 def _said(record: Mapping[str, Any]) -> dict[str, float]:
-    """record → {sensor: °C} of those that were believed in that night."""
+    """record → {sensor: °C} of those that were believed in that night; none where all were in °F: versions before believed them."""
     sensors = record.get("sensors") or {n: {"state": BELIEVED[0], **t} for n, t in (record.get("temperatures") or {}).items()}
-    return {n: float(s["mean"]) for n, s in sensors.items() if s.get("state") in BELIEVED and "mean" in s}
+    said = {n: float(s["mean"]) for n, s in sensors.items() if s.get("state") in BELIEVED and "mean" in s}
+    return {} if _fahrenheit(said) else said
+
+
+def _fahrenheit(said: Mapping[str, float]) -> bool:
+    """{sensor: °C} of a night → whether every one of them is a shop in °F, and no machine in °C."""
+    return bool(said) and all(SHOP[0] <= value <= SHOP[1] for value in said.values())
 
 
 def _jump(value: float, past: Sequence[float]) -> tuple[float, float | None]:
@@ -89,6 +99,8 @@ def _apart(a: str, b: str, said: Mapping[str, float], past: Sequence[Mapping[str
 def sentence(name: str, s: Mapping[str, Any]) -> Said:
     """sensor, what it did → that it is not believed, and why, without a full stop."""
     told = {"name": name, "value": f"{s['mean']:.1f}", "kelvin": f"{s['kelvin']:+.1f}", "others": ", ".join(s.get("by") or ())}
+    if s["why"] == "unit":
+        return say("night.sensors.doubted_unit", celsius=f"{(s['mean'] - 32) / 1.8:.1f}", **told)
     why = s["why"] if s.get("by") else "jumped" if s["why"] == "jumped" else "alone"
     return joined("", (say(f"night.sensors.doubted_{why}", **told), _unit(s)))
 

@@ -60,7 +60,7 @@ def states(
     alive = {name for name, s in found.items() if s["state"] in (HEARD, PARTLY)}
     for name, s in found.items():
         last = _counts(known.get(name))
-        if name in alive or last is None:
+        if name in alive or last is None or s.get("why") == "unit":
             continue
         then = {n: v for n in alive if n != name and (v := _counts(known.get(n))) is not None}
         moved = float(np.mean([found[n]["mean"] - v for n, v in then.items()])) if then else 0.0
@@ -281,7 +281,7 @@ def how_warm(
 ) -> dict[str, Any]:
     """alarm of a change with temperature, member `sensors`, °C that count, records newest first, the sensor that counts (None: all)
     → the same with how much warmer the machine is, by which sensors, and than in which night: the last one that was clearly warmer
-    or colder. Any other alarm as it is.
+    or colder; where a single error may be all of it, who was at the machine is asked first. Any other alarm as it is.
     """
     then = [(c, str(r["night"])) for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None]
     if alarm["cause"] != TEMPERATURE or now is None or not then:
@@ -290,7 +290,9 @@ def how_warm(
     names, told = by_how_much(sensors, now, last, night, sensor)
     key = "changed.warmer" if now >= last else "changed.colder"
     text = say(key, size=alarm["text"].values["size"], **told)
-    return alarm | {"text": text, "warmer": {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}}
+    asked = {"do": say("night.sensors.do_knock", do=alarm["do"], names=", ".join(alarm["instead"]))} if alarm.get("instead") else {}
+    warmer = {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}
+    return alarm | {"text": text, "warmer": warmer} | asked
 
 
 def speaks(sensors: Mapping[str, Mapping[str, Any]], name: str) -> bool:

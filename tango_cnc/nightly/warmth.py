@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Array
 from ..report.tonight import is_gone
-from ..state import Frame, State
 from ..state.naming import WARMER
 from ..texts import Said, say
 from .sensors import A_KELVIN, TEMPERATURE, by_how_much, celsius_of
@@ -26,7 +24,6 @@ FOLLOWS = 0.9  # share of its variance that the temperature explains, from which
 BACK = 0.5  # of the kelvin of an alarm, below which the machine is as warm as before it
 SHARE = 0.3  # of what the temperature would make: what an alarm may be beside it and still go with the temperature alone
 SENSOR_FIRST = ("night.sensors.do", "night.sensors.do_doubted")  # keys of what to do where a sensor is to be seen to first
-UNKNOWN = 1e-8  # standard deviation of a coefficient per K that no night has opened
 
 
 def with_warmth(
@@ -130,13 +127,6 @@ def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, 
 def _explained(size: float, std: float, due: float) -> bool:
     """size of a change and its standard deviation, what the temperature would make → whether that is all of it."""
     return abs(size - due) < max(3 * std, SHARE * abs(due))
-
-
-def unknown(followed: Frame, state: State) -> bool:
-    """frame, predicted state → whether nothing is known yet of what the machine does for each K."""
-    first = len(followed.model.names)
-    own: Array = state.std[first : first + len(followed.warm)]
-    return bool(len(own)) and bool(np.all(own < UNKNOWN))
 
 
 def _points(name: str, recent: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:

@@ -191,6 +191,8 @@ def sized(headline: Any, record: Mapping[str, Any]) -> Any:
 def by_verdict(a: Mapping[str, Any], verdict: object) -> dict[str, Any]:
     """alarm, verdict of the last night that measured → the same; where no part is made it does not say when to make them."""
     own, key = a.get("do"), "cause.temperature.do"
+    if isinstance(own, Said) and own.key == "night.sensors.do_knock":
+        return {**a, "do": own.but(do=by_verdict({**a, "do": own.values["do"]}, verdict)["do"])}
     usual = own.key == key if isinstance(own, Said) else own == texts()(key)
     if a.get("cause") != "temperature" or verdict not in BEYOND or not usual:
         return dict(a)

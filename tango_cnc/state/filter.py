@@ -29,6 +29,9 @@ SHARED = 0.05  # of the variance of a touch: with less, its point may have moved
 FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
 SMALLEST = 1e-5  # mm, of the standard deviation of a touch
 FELT = 1e-6  # standard deviations a mm or rad: a parameter that tonight's touches feel less is not tried alone
+UNKNOWN = 1e-8  # standard deviation of a coefficient per K that no night has opened
+OFF = 1 / 6  # of what machines do for each K: what one does that is heated in another place than before
+SURE = 3.0  # standard deviations of a learned coefficient
 NOISY = FALSE_ALARMS / 3  # chance of the scatter of a night, below which its touches count for no more than that scatter says
 
 
@@ -302,13 +305,33 @@ def reopened(state: State, followed: Frame, directions: Array | None, temperatur
     if temperature:
         base = len(followed.model.names)
         columns = np.zeros((len(state.names), len(followed.warm)))
-        for j, i in enumerate(followed.warm):
-            columns[base + j, j] = WARM.get(followed.units[i], WARM[""])
+        columns[base : base + len(followed.warm)] = np.diag(per_kelvin(followed, state))
         return replace(state, root=widened(state.root, columns))
     if directions is None:
         free = {"location": 0.1, "angle": 3e-4, "gain": 1e-4, "backlash": 0.02, "stylus": 0.1, "table": 0.1, "fixed": 0.0}
         directions = np.diag([free[f] for f in followed.families])
     return replace(state, root=widened(state.root, directions))
+
+
+def unknown(followed: Frame, state: State) -> bool:
+    """frame, predicted state → whether nothing is known yet of what the machine does for each K."""
+    own = _learned(followed, state)[1]
+    return bool(len(own)) and bool(np.all(own < UNKNOWN))
+
+
+def per_kelvin(followed: Frame, state: State) -> Array:
+    """frame, predicted state → (q,) mm or rad, how far each error that follows the temperature may be from what is known of it, a
+    K: where nothing is known what machines do.
+    """
+    most = np.array([WARM.get(followed.units[i], WARM[""]) for i in followed.warm])
+    mean, std = _learned(followed, state)
+    return np.where(std < UNKNOWN, most, np.minimum(most, OFF * most + 0.5 * np.abs(mean) + SURE * std))
+
+
+def _learned(followed: Frame, state: State) -> tuple[Array, Array]:
+    """→ (q,) coefficients per K, (q,) their standard deviations."""
+    part = slice(len(followed.model.names), len(followed.model.names) + len(followed.warm))
+    return state.mean[part], state.std[part]
 
 
 def as_numbers(state: State) -> dict[str, object]:

@@ -14,9 +14,10 @@ from scipy import linalg, special
 
 from ..records import Array
 from ..terms import SCALES
+from .by_warmth import rival
 from .changes import change_of
-from .filter import State, Tonight
-from .frame import Frame
+from .filter import State, Tonight, per_kelvin, unknown
+from .frame import WARM, Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
 ALIKE = 0.05  # share of a direction that the first cause cannot make, below which another one is the same
@@ -25,6 +26,8 @@ CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
 HARDLY = 1.0  # the same of a ball or a facet: touches without weight leave next to nothing of it, and its size is anything then
 WARMER = 1.0  # K: a smaller change of temperature is no cause
+
+A_KELVIN = 5 / 3  # times what machines do for a K: more is no temperature where nothing else is known
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class Hypothesis:
     directions: Array
     unit: str
     axes: tuple[str, ...] = ()
+    kelvin: float = 0.0  # by which the machine is warmer, where that is the cause
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
         directions = np.zeros((p, len(followed.warm)))
         for j, i in enumerate(followed.warm):
             directions[i, j] = 1.0
-        found.append(Hypothesis("temperature", "temperature", directions, ""))
+        found.append(Hypothesis("temperature", "temperature", directions, "", (), warmer))
     return tuple(found)
 
 
@@ -161,7 +165,50 @@ def name_change(
             seen.append(story)
         begin += m
     found = _best(seen, white, tonight, expected)
-    return None if found is None else _with_others(*found, seen, white, tonight)
+    if found is None:
+        return None
+    if "temperature" in (found[0].hypothesis.cause, *found[0].instead):
+        found = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state), not unknown(followed, state))
+    return _with_others(*found, seen, white, tonight)
+
+
+def _but_for_warmth(
+    found: tuple[Named, Array],
+    seen: Sequence[tuple[Hypothesis, Array]],
+    white: Array,
+    tonight: Tonight,
+    most: Array,
+    learned: bool,
+) -> tuple[Named, Array]:
+    """best story, its pattern, hypotheses with theirs, (k,) white innovation, judgement, (q,) what a K does at most, whether this
+    machine has shown that → the same, where temperature is it or fits nearly as well; another cause before it, or beside it,
+    where so few kelvins do not do that.
+    """
+    best, _ = found
+    (warm,) = (item for item in seen if item[0].cause == "temperature")
+    others = [item for item in seen if item[0].cause != "temperature"]
+    steps = [_fitted(own, white, tonight.scale)[1] for _, own in others]
+    far = [len(x) == 1 and abs(x[0]) > A_KELVIN * _most(h) * abs(warm[0].kelvin) for (h, _), x in zip(others, steps, strict=True)]
+    other = rival(warm[1] * most * warm[0].kelvin, [own for _, own in others], white, tonight.scale, learned, np.array(far))
+    if best.hypothesis.cause != "temperature":
+        knock = other is not None and other.first and not other.near
+        return (replace(best, instead=tuple(n for n in best.instead if n != "temperature")) if knock else best), found[1]
+    if other is None:
+        return found
+    place = other.place
+    if not other.first:
+        near = (others[place][0].parameter, *best.instead)
+        return replace(best, instead=tuple(dict.fromkeys(near))[:4]), found[1]
+    one, every = _best([others[place]], white, tonight, ()), _best(others, white, tonight, ())
+    assert one is not None and every is not None
+    alike = every[0].instead if every[0].hypothesis is one[0].hypothesis else (every[0].hypothesis.parameter,)
+    near = ("temperature", *alike) if other.near else alike
+    return replace(one[0], instead=near[:4]), one[1]
+
+
+def _most(h: Hypothesis) -> float:
+    """hypothesis → mm, rad … that machines do for each K."""
+    return WARM.get(h.unit, WARM[""])
 
 
 def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
@@ -272,7 +319,10 @@ def _next(
     others = []
     for h, pattern in seen:
         own = pattern - basis @ (basis.T @ pattern)
-        if np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
+        if h.cause == "temperature":  # an error that has moved by itself may have moved with it, too: no night says how far
+            free = np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)
+            h, own, pattern = replace(h, directions=h.directions[:, free]), own[:, free], pattern[:, free]
+        if own.size and np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
             gain, size, std, _ = _fitted(own, left, tonight.scale)
             score = gain - np.log(k) * pattern.shape[1]
             others.append((Named(h, size, std, gain, score, causes[-1].remains, ()), pattern))

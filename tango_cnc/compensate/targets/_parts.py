@@ -11,7 +11,20 @@ from ...kinematics import Slot, axis_frame
 from ...records import COMPONENTS, Array, Machine
 from ..frame import component as own_component
 from ..frame import of_control
-from ..space import Held, Limits, Table, believed, by_slot, knots, tabulated
+from ..space import (
+    EDGE,
+    TURN,
+    Held,
+    Limits,
+    Table,
+    believed,
+    by_slot,
+    in_turn,
+    knots,
+    knots_of_turn,
+    tabulated,
+    turns_whole,
+)
 from . import Fact, Request
 
 DEGREES = 180 / math.pi
@@ -38,14 +51,30 @@ def trims(
     senses: tuple[int, ...] = (0,),
     sign: int = 1,
     increment: float = 1e-6,
+    turning: bool = False,
 ) -> list[Held]:
-    """job, table name, corrected axis, axis that it is read with, points → entries in mm or degrees."""
+    """job, table name, corrected axis, axis that it is read with, points → entries in mm or degrees.
+
+    `turning`: of an axis that can turn once round the table comes again with each turn; its file has the rows of `over_turns`.
+    """
     machine = request.machine
     unit = "mm" if out in machine.linear else "deg"
-    table = Table(
-        name, Slot(out, "motion"), by, knots(request.limits, by, points), senses, unit, scale_of(machine, out), sign, increment
-    )
+    at, turn = knots(request.limits, by, points), 0
+    if turning and turns_whole(machine, by):
+        at, turn = knots_of_turn(request.limits, by, points)
+    table = Table(name, Slot(out, "motion"), by, at, senses, unit, scale_of(machine, out), sign, increment, turn=turn)
     return tabulated(table, machine)
+
+
+def over_turns(request: Request, axis: str, entries: Sequence[Held], points: int) -> list[tuple[float, Held]]:
+    """job, rotary axis, entries of a table of it, points → (degrees, entry that holds there) over its travel, or 0 to 360."""
+    _, turn = knots_of_turn(request.limits, axis, points)
+    first, step = entries[0].at, TURN / turn
+    assert first is not None
+    begin = round(first / step)
+    low, high = request.machine.axis(axis).travel or (0.0, TURN)
+    places = range(math.floor(low / step + EDGE), math.ceil(high / step - EDGE) + 1)
+    return [(360.0 / turn * k, entries[in_turn(len(entries), turn, k - begin)]) for k in places]
 
 
 def reversal(request: Request, place: str, axis: str, *, half: bool = False, sign: int = 1, increment: float = 1e-6) -> Held:

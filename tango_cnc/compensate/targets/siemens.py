@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...records import InputError
-from ..space import Held
+from ..space import Held, turns_whole
 from . import COMPARE, SIGN_TRIAL, Derived, Fact, Option, Request
-from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
+from ._parts import HALVES, across, centre, over_turns, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
 IM9 = "SINUMERIK 840D sl Commissioning Manual IM9 12/2017, p. 572"
@@ -35,6 +35,12 @@ FACTS = (
         "SINUMERIK Function Manual K3 03/2013, p. 245, 249, 252",
         confirmed=False,
     ),
+    Fact(
+        "a rotary axis without limits counts 0 to 360 (modulo axis): its tables go from 0 to 360, both ends are the same, "
+        "IS_MODULO = 1. One whose travel is a turn or more counts on, and its tables cover its travel: IS_MODULO = 0",
+        "memory",
+        confirmed=False,
+    ),
     Fact("the sum of the CEC tables is added to the commanded position", K3, confirmed=False),
     Fact("ENC_COMP is added to the position that the encoder gives", K3, confirmed=False),
     Fact("MD32450 is the whole reversal value, positive where the encoder is ahead of the table", "memory", confirmed=False),
@@ -43,7 +49,9 @@ FACTS = (
     Fact("CEC acts when MD32710 of the axis and SD41300 of the table are set", "memory", confirmed=False),
 )
 OPTIONS = {
-    "points": Option(17, "points of each table; MD18342 and MD38000 have to allow them"),
+    "points": Option(
+        17, "points of each table over the volume, more where an axis turns further; MD18342 and MD38000 have to allow them"
+    ),
     "kinematics": Option("yes", "write the centers of the rotary axes", ("yes", "no")),
     "directions": Option("yes", "write the directions of the rotary axes V1, V2", ("yes", "no")),
     "tables": Option("yes", "write CEC and ENC_COMP", ("yes", "no")),
@@ -118,13 +126,14 @@ def held(request: Request) -> list[Held]:
         axes = (*machine.linear, *machine.rotary)
         points = int(request.options["points"])
         for axis in axes:
-            result += trims(request, f"ENC_COMP {axis}", axis, axis, points, sign=int(request.options["sign_enc"]))
+            result += trims(request, f"ENC_COMP {axis}", axis, axis, points, sign=int(request.options["sign_enc"]), turning=True)
         for by in axes:
             if by in machine.rotary and request.options["rotary_tables"] == "no":
                 continue
             for out in machine.linear:
                 if out != by:
-                    result += trims(request, f"CEC {by} to {out}", out, by, points, sign=int(request.options["sign_cec"]))
+                    sign = int(request.options["sign_cec"])
+                    result += trims(request, f"CEC {by} to {out}", out, by, points, sign=sign, turning=True)
         for axis in axes:
             result.append(reversal(request, f"MD32450 $MA_BACKLASH[0] of {axis}", axis))
     return result
@@ -141,20 +150,24 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
         if table.startswith(("CEC", "ENC_COMP")):
             by = entries[0].axis
             assert by is not None
-            scale = scale_of(machine, by)
-            ats = [h.at * scale for h in entries if h.at is not None]
+            ats, entries = _rows(request, by, entries)
+            modulo = int(by in machine.rotary and machine.axis(by).travel is None)
             step = (ats[-1] - ats[0]) / (len(ats) - 1)
             frame = {"STEP": step, "MIN": ats[0], "MAX": ats[-1]}
             if table.startswith("CEC"):
                 cec += [f"$AN_CEC[{count},{i}]={numbers[h.place]:.6f}" for i, h in enumerate(entries)]
                 cec += [f"$AN_CEC_INPUT_AXIS[{count}]=({names[by]})", f"$AN_CEC_OUTPUT_AXIS[{count}]=({names[table.split()[-1]]})"]
                 cec += [f"$AN_CEC_{key}[{count}]={value:.9f}" for key, value in frame.items()]
-                cec += [f"$AN_CEC_DIRECTION[{count}]=0", f"$AN_CEC_MULT_BY_TABLE[{count}]=0", f"$AN_CEC_IS_MODULO[{count}]=0"]
+                cec += [
+                    f"$AN_CEC_DIRECTION[{count}]=0",
+                    f"$AN_CEC_MULT_BY_TABLE[{count}]=0",
+                    f"$AN_CEC_IS_MODULO[{count}]={modulo}",
+                ]
                 count += 1
             else:
                 enc += [f"$AA_ENC_COMP[0,{i},{names[by]}]={numbers[h.place]:.6f}" for i, h in enumerate(entries)]
                 enc += [f"$AA_ENC_COMP_{key}[0,{names[by]}]={value:.9f}" for key, value in frame.items()]
-                enc.append(f"$AA_ENC_COMP_IS_MODULO[0,{names[by]}]=0")
+                enc.append(f"$AA_ENC_COMP_IS_MODULO[0,{names[by]}]={modulo}")
     if cec:
         result["cec.ini"] = _file("%_N_NC_CEC_INI", cec)
     if enc:
@@ -164,6 +177,15 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
     if reversals := rows(held, "reversal values"):
         result["reversal.mpf"] = "".join(f"$MA_BACKLASH[0,{names[h.place[-1]]}]={numbers[h.place]:.6f}\n" for h in reversals)
     return result
+
+
+def _rows(request: Request, by: str, entries: Sequence[Held]) -> tuple[list[float], list[Held]]:
+    """job, axis, entries of a table of it → mm or degrees of the rows of the file, and the entry of each."""
+    if turns_whole(request.machine, by):
+        found = over_turns(request, by, entries, int(request.options["points"]))
+        return [at for at, _ in found], [h for _, h in found]
+    scale = scale_of(request.machine, by)
+    return [h.at * scale for h in entries if h.at is not None], list(entries)
 
 
 def _file(head: str, lines: Sequence[str]) -> str:
