@@ -27,6 +27,11 @@ class Tolerances:
     step: float = 0.003  # mm, by which a linear axis may stand elsewhere beyond one place of its travel
     runout: float | None = None  # mm, of the tip in each direction, as a dial gauge shows it; None: nobody has stated it
 
+    @property
+    def usual_runout(self) -> float:
+        """→ mm in each direction: as stated, else that of a stylus that was adjusted with a dial gauge."""
+        return 0.005 if self.runout is None else self.runout
+
 
 @dataclass(frozen=True)
 class TableTolerances:

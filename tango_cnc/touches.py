@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from .features import located
 from .kinematics import Chain, Sensitivity, Slot
 from .records import Array, Artefact, Id, Machine, Readings
 
+ONE = math.radians(1)  # rad: a spindle that turns by no more stands still
 FAR = 5.0  # mm from the nominal contact: no error of the machine, a facet of another name
 
 
@@ -153,6 +155,11 @@ class Touches:
         turned = (np.abs(np.diff(self.position[:, columns], axis=0)) > np.radians(0.05)).any(axis=1)
         changed = turned if self.stylus is None else turned | (np.diff(self.stylus) != 0)
         return np.concatenate([[0], np.cumsum(changed)]).astype(np.int64)
+
+    @property
+    def one_orientation(self) -> bool:
+        """→ whether the spindle was never turned, so that the tip's place and the spindle's own are one."""
+        return not np.ptp(self.axis("S")) > ONE
 
     def axis(self, name: str) -> Array:
         """letter → (n,) mm or rad, position of that axis."""

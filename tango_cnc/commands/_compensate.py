@@ -85,7 +85,7 @@ def facts(name: str) -> str:
 
 def text(proposal: Proposal) -> str:
     """proposal → what a person reads before anything is written."""
-    best = proposal.fit
+    best, promised = proposal.fit, proposal.fit.promised
     width = {"exactly": [], "partly": [], "not at all": [], "set-up": []}  # type: dict[str, list[str]]
     for share in sorted(best.shares, key=lambda s: -s.effect_um):
         part = f" ({100 * share.held:.0f} %)" if share.word == "partly" else ""
@@ -110,14 +110,15 @@ def text(proposal: Proposal) -> str:
         table(
             [
                 ["error of the tool tip over the volume, µm", "", "95 %"],
-                row("now, rms", best.rms_before),
-                row("after, rms", best.rms_after),
-                row("now, 95 % of the volume below", best.largest_before),
-                row("after, 95 % of the volume below", best.largest_after),
-                *([row("with programs compensated as well, rms", best.rms_program)] if gains else []),
+                row("now, rms", promised.rms_before),
+                row("after, rms", promised.rms_after),
+                row("now, 95 % of the volume below", promised.largest_before),
+                row("after, 95 % of the volume below", promised.largest_after),
+                *([row("with programs compensated as well, rms", promised.rms_program)] if gains else []),
             ],
             "<><",
         ),
+        *_one_orientation(best),
         *_worse(best),
         *([] if gains else ["compensating programs as well would take nothing more away"]),
         "",
@@ -183,6 +184,20 @@ def _together(proposal: Proposal) -> list[str]:
         f"tables that are read with {' and '.join(read)} always. They are fitted together, so what is promised holds with it on. "
         "Indexed work without it gets the tables alone, and its error may grow: propose for such work without the kinematics "
         "(--set, see docs/compensate.md)",
+    ]
+
+
+def _one_orientation(best: Fit) -> list[str]:
+    """fit → a sentence where the spindle was never turned: how much of the promise is what no touch parts from the stylus."""
+    if best.widened is None:
+        return []
+    seen = best.rms_after
+    return [
+        "NOTE: the spindle was never turned, so where it is may be the runout of the stylus "
+        f"({1e3 * best.widened.size:.1f} µm in each direction, from EXt, EYt and tolerances.runout): none of it is written, and "
+        "all of it is in these intervals. For a tool that runs out as the stylus does, "
+        f"{seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left. Touch with S turned "
+        "by 180° as well, and propose anew",
     ]
 
 

@@ -10,6 +10,8 @@ from .outcome import promises, ran
 from .promise import Figure
 from .space import Held
 
+FAR_LESS = 0.5  # of what is left as it was stated: a machine that has changed leaves so little the other way only by chance
+
 
 def contradicted(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> str:
     """compensation in the control, estimate of readings made with it, what its target holds → what the readings say instead.
@@ -29,6 +31,13 @@ def contradicted(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: boo
             return (
                 f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave "
                 f"{_size(other)}, as promised. Find out how they were made; allowed: {meant} when it was {was}"
+            )
+        if other.high < FAR_LESS * left.low:
+            was, meant = ("off", "--no-tcp") if tcp else ("on", "--tcp")
+            return (
+                f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave "
+                f"{_size(other)}, far less. So the machine has changed, and it was most likely {was}. Find out how they were "
+                f"made; allowed: {meant} when it was {was}"
             )
     without = run.left(loaded=False)
     if without.low <= promised.high:

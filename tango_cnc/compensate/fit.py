@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..terms import Coefficient
 from ..touches import Touches
 from .promise import Figure, likely, mean, most, there, with_programs
 from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
+from .unparted import Unparted, Widened, wider
 
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
@@ -110,6 +111,12 @@ class Fit:
     direction_after: float
     rms_program: Figure  # with program compensation on top: reversal that the target does not hold, what nobody knows, and rounding
     rounding: float  # µm rms that rounding to the increment costs
+    widened: Widened | None = None  # where touches took the place of the spindle for the stylus' own: what is promised then
+
+    @property
+    def promised(self) -> Fit | Widened:
+        """→ the figures that are promised; those of the fit itself are what its touches can see."""
+        return self if self.widened is None else self.widened
 
 
 @dataclass(frozen=True)
@@ -137,15 +144,32 @@ class Holding:
         stored = [h.value(h.number(n + c)) - n for h, n, c in zip(self.held, now, exact, strict=True)]
         return exact, np.where(self.pinned, 0.0, stored)
 
-    def now(self, found: Known, unseen: Array | None = None) -> Array:
-        """what is known, (h,) what the control takes away unseen → (k, m, n) mm, draws of the error as it is now."""
-        gone = None if unseen is None else self.space @ unseen
-        return there(found.values, found.covariance, self.levers, gone, found.freedom)
+    def now(self, found: Known, unseen: Array | None = None, spindle: Unparted | None = None) -> Array:
+        """what is known, (h,) what the control takes away unseen → (k, m, n) mm, draws of the error as it is now.
 
-    def left(self, found: Known, rounded: Array) -> Array:
+        `spindle`: its place, where that is not known.
+        """
+        gone = None if unseen is None else self.space @ unseen
+        return there(*_beside(found, self.levers, spindle), gone, found.freedom)
+
+    def left(self, found: Known, rounded: Array, spindle: Unparted | None = None) -> Array:
         """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""
-        rest = self.space @ rounded
-        return likely(found.values, found.covariance, self.levers, self.levers - self.taken, rest, found.freedom)
+        return self._stays(found, self.levers - self.taken, self.space @ rounded, spindle)
+
+    def by_program(self, found: Known, spindle: Unparted | None = None) -> Array:
+        """what is known → (k, m, n) mm, draws of what programs leave that are compensated as well: they correct everything but
+        what depends on the last motion. Of that the target may have taken its part."""
+        return self._stays(found, np.where(self.reversal, self.levers - self.taken, 0.0), None, spindle)
+
+    def _stays(self, found: Known, part: Array, rest: Array | None, spindle: Unparted | None) -> Array:
+        stays = part if spindle is None else np.hstack([part, spindle.levers])
+        values, covariance, levers = _beside(found, self.levers, spindle)
+        return likely(values, covariance, levers, stays, rest, found.freedom)
+
+
+def _beside(found: Known, levers: Array, spindle: Unparted | None) -> tuple[Array, Array, Array]:
+    own = (found.values, found.covariance, levers)
+    return own if spindle is None else spindle.with_own(*own)
 
 
 def holding(found: Known, held: Sequence[Held], poses: Poses, touches: Touches | None = None) -> Holding:
@@ -177,20 +201,20 @@ def fit(
     present: Mapping[str, float],
     program_increment: float = 0.0001,
     unseen: Array | None = None,
+    spindle: Unparted | None = None,
 ) -> Fit:
     """what is known of the machine, what the control can hold, the control's present numbers → the best numbers.
 
-    `unseen`: (h,) what the control takes away already and the readings do not contain.
+    `unseen`: (h,) what the control takes away already and the readings do not contain. `spindle`: its place, where no touch parts
+    that from the runout of the stylus.
     """
     exact, change = holds.numbers(found, present, unseen)
     levers, taken = holds.levers, holds.taken
     before = holds.now(found, unseen)
     after = holds.left(found, exact - change)
-    # Programs correct everything but what depends on the last motion; of that the target may have taken its part.
-    by_program = np.where(holds.reversal, levers - taken, 0.0)
-    programs = likely(found.values, found.covariance, levers, by_program, freedom=found.freedom)
+    programs = holds.by_program(found)
     turned, left = _directions(found, holds.held, holds.poses, change)
-    return Fit(
+    best = Fit(
         holds.held,
         change,
         _shares(found, levers, taken),
@@ -204,6 +228,18 @@ def fit(
         with_programs(programs, program_increment),
         rms(holds.space @ (change - exact)),
     )
+    if spindle is None:
+        return best
+    then, less = holds.now(found, unseen, spindle), holds.left(found, exact - change, spindle)
+    widened = Widened(
+        wider(best.rms_before, mean(then)),
+        wider(best.rms_after, mean(less)),
+        wider(best.largest_before, most(then)),
+        wider(best.largest_after, most(less)),
+        wider(best.rms_program, with_programs(holds.by_program(found, spindle), program_increment)),
+        spindle.size,
+    )
+    return replace(best, widened=widened)
 
 
 def not_shown(held: Sequence[Held], at: Poses) -> NDArray[np.bool_]:

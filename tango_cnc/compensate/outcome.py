@@ -12,6 +12,7 @@ import numpy as np
 from ..estimate import Estimate
 from ..loaded import AS_SEEN, HELPS
 from ..records import Array
+from . import unparted
 from .fit import Known, known, rms
 from .hidden import of_record, unseen
 from .loop import Kept
@@ -191,8 +192,12 @@ def rolled_back(kept: Kept) -> str:
 
 
 def promises(record: Mapping[str, Any]) -> tuple[Figure, Figure]:
-    """record of a compensation → what was there before, and what it promised to leave, µm rms."""
-    before, promised = (Figure(**record["promise"][key]) for key in ("rms_before_um", "rms_after_um"))
+    """record of a compensation → what was there before, and what it promised to leave, µm rms: of what its touches can see."""
+    promise = record["promise"]
+    keys = (
+        unparted.SEEN if unparted.SEEN[0] in promise else ("rms_before_um", "rms_after_um")
+    )  # other touches may see no more than those did
+    before, promised = (Figure(**promise[key]) for key in keys)
     return before, promised
 
 

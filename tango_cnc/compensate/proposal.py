@@ -19,6 +19,7 @@ from .hidden import Present
 from .promise import Figure
 from .space import Held, Limits, limits_of, sample
 from .targets import Request
+from .unparted import SEEN, unparted
 
 FORMAT = "tango-compensation/1"
 CAP_MM, CAP_DEG = 0.05, 0.01
@@ -115,7 +116,7 @@ def propose(
         hidden.asked(held, unseen)
     holds = holding(found, held, at, touches)
     unseen = np.where(holds.pinned, 0.0, np.zeros(len(held)) if tcp else unseen)
-    best = fit(found, holds, now, unseen=unseen)
+    best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at))
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
@@ -178,7 +179,7 @@ def capped(proposal: Proposal, cap_mm: float, cap_deg: float) -> None:
 
 def as_json(proposal: Proposal) -> dict[str, Any]:
     """proposal → plain data of the format tango-compensation/1."""
-    machine, best = proposal.request.machine, proposal.fit
+    machine, best, promised = proposal.request.machine, proposal.fit, proposal.fit.promised
 
     def figure(f: Figure) -> dict[str, float]:
         return {"value": round(f.value, 4), "low": round(f.low, 4), "high": round(f.high, 4)}
@@ -210,15 +211,16 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),
         "promise": {
-            "rms_before_um": figure(best.rms_before),
-            "rms_after_um": figure(best.rms_after),
-            "p95_before_um": figure(best.largest_before),
-            "p95_after_um": figure(best.largest_after),
+            "rms_before_um": figure(promised.rms_before),
+            "rms_after_um": figure(promised.rms_after),
+            "p95_before_um": figure(promised.largest_before),
+            "p95_after_um": figure(promised.largest_after),
             "rms_held_um": round(best.rms_holdable, 4),
             "rounding_um": round(best.rounding, 4),
             "direction_before_urad": round(best.direction_before, 4),
             "direction_after_urad": round(best.direction_after, 4),
-            "with_program_um": figure(best.rms_program),
+            "with_program_um": figure(promised.rms_program),
+            **({} if best.widened is None else {SEEN[0]: figure(best.rms_before), SEEN[1]: figure(best.rms_after)}),
         },
         "coefficients": [
             {"name": s.name, "effect_um": round(s.effect_um, 4), "held": round(s.held, 4), "word": s.word} for s in best.shares

@@ -35,7 +35,7 @@ from .program import another_program
 from .search import less, place, suspects
 from .setup import offset, stylus
 from .spare import spare
-from .spindle import still
+from .spindle import one_orientation, still
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
@@ -241,6 +241,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         *common(result, agrees),
         *halves(result),
         *still(result),
+        *one_orientation(result),
         *alike_backlashes(result),
         *by_direction(result),
     ]

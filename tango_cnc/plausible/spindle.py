@@ -17,7 +17,6 @@ from ..texts import say
 from .data import Remark
 
 TURNED = math.radians(60)  # rad between positions of S, at least
-USUAL = 0.005  # mm in each direction: runout of a stylus that was adjusted with a dial gauge
 LOST = 0.02  # odds of a spindle that stands still before anything was measured
 LIKELY = 1.0  # odds after that, beyond which the result is doubtful
 POSSIBLE = 0.05  # odds beyond which the place of the spindle is not to be trusted
@@ -33,8 +32,7 @@ def still(result: Estimate) -> Iterator[Remark]:
     value, spread = result.values[rows], result.covariance[np.ix_(rows, rows)]
     if np.linalg.matrix_rank(spread) < len(rows):  # a wrong cell may leave a covariance of nothing
         return
-    known = model.touches.machine.tolerances.runout
-    odds = standing(value, spread, USUAL if known is None else known)
+    odds = standing(value, spread, model.touches.machine.tolerances.usual_runout)
     if odds < POSSIBLE:
         return
     size, std = float(np.hypot(*value)), float(np.sqrt(np.diag(spread)).max())
@@ -48,6 +46,18 @@ def still(result: Estimate) -> Iterator[Remark]:
         sure=True,
         moves=PLACE,
     )
+
+
+def one_orientation(result: Estimate) -> Iterator[Remark]:
+    """estimate → a remark where the spindle was never turned, whatever the terms: then its place may be the stylus' own runout.
+
+    Where no rotary axis turns, either, the set-up of a workpiece takes both out.
+    """
+    touches = result.model.touches
+    if not touches.one_orientation or not any(np.ptp(touches.axis(name)) > TURNED for name in touches.machine.rotary):
+        return
+    size = touches.machine.tolerances.usual_runout
+    yield Remark("trustworthy", say("plausible.spindle.one_orientation", size=f"{size * 1e3:g}"))
 
 
 def standing(runout: np.ndarray, spread: np.ndarray, usual: float) -> float:
