@@ -55,8 +55,8 @@ def settings_of(record: Mapping[str, Any]) -> list[str]:
 def in_millimeters(cell: Cell, name: str) -> None:
     """cell, target → nothing. Raises InputError where its control counts in inches, and would read the millimeters of a file so."""
     options = cell.controller.options if cell.controller is not None else {}
-    if options.get("position_unit") == "inch" and not getattr(targets.load(name), "UNIT_BESIDE", False):
-        beside = ", ".join(n for n in targets.names() if getattr(targets.load(n), "UNIT_BESIDE", False))
+    if options.get("position_unit") == "inch" and not targets.load(name).UNIT_BESIDE:
+        beside = ", ".join(n for n in targets.names() if targets.load(n).UNIT_BESIDE)
         raise InputError(
             f"--target {name}: found a control that counts in inches (position_unit: inch in tango.yaml), and the lengths of this "
             f"target are in millimeters: it would take them as inches. Allowed: a target that has the unit beside its numbers "

@@ -18,6 +18,7 @@ FACTS = (
     Fact("errors are entered as they are, actual minus commanded", SOURCE, confirmed=False),
     Fact("angles of a linear axis turn about the origin of its frame as docs/model.md has it", SOURCE, confirmed=False),
 )
+UNIT_BESIDE = False
 OPTIONS = {
     "points": Option(17, "grid points an axis"),
     "sign": Option(1, "1: errors as they are; -1: turned round, as a sign trial may find", (1, -1)),

@@ -17,6 +17,7 @@ FACTS = (
     Fact("nb 1 2 3 … are X Y Z of the first rotary axis and then of the second, in machine coordinates", "memory", confirmed=False),
     Fact("VALUE plus OFFSET is what the kinematics use, with the sign of machine coordinates", SOURCE, confirmed=False),
 )
+UNIT_BESIDE = False
 OPTIONS = {
     "kin": Option(1, "number of the kinematics", within=(1, 99)),
     "first": Option(1, "nb of X of the first rotary axis", within=(1, 99)),

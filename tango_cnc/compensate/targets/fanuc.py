@@ -47,6 +47,7 @@ FACTS = (
     ),
 )
 WORK_OFFSETS = tuple(f"G{n}" for n in range(54, 60))
+UNIT_BESIDE = False
 OPTIONS = {
     "points": Option(33, "points of pitch error, at most 128", tuple(range(2, 129))),
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),

@@ -17,6 +17,7 @@ FACTS = (
     Fact("the offsets are the centers in machine coordinates", SOURCE, confirmed=False),
     Fact("the senses of A and C are those of machine.yaml", SOURCE, confirmed=False),
 )
+UNIT_BESIDE = False
 OPTIONS: dict[str, Option] = {}
 derived = none_derived
 USED = {640: ("A", 0), 641: ("A", 1), 642: ("A", 2), 643: ("C", 0), 644: ("C", 1), 645: ("C", 2)}

@@ -19,6 +19,7 @@ FACTS = (
     Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
 )
 MEET = 0.05  # mm by which nominal axes may miss each other
+UNIT_BESIDE = False
 OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm", within=(1e-7, 0.01))}
 derived = none_derived
 

@@ -33,6 +33,7 @@ FACTS = (
         "how .kco and .com of a TNC 640 and TNC7 are written was not found: enter the values there by hand", ITNC, confirmed=False
     ),
 )
+UNIT_BESIDE = False
 OPTIONS = {
     "points": Option(17, "points of each table, at most 256", tuple(range(2, 257))),
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),

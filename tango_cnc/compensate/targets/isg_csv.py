@@ -23,6 +23,7 @@ FACTS = (
     Fact("angles of a linear axis turn about the origin of its frame as docs/model.md has it", SOURCE, confirmed=False),
     Fact("names of the location errors are E, component, 0, axis, without the E: X0C, B0Z", SOURCE, confirmed=False),
 )
+UNIT_BESIDE = False
 OPTIONS = {
     "points": Option(17, "grid points an axis"),
     "sign": Option(1, "1: errors as they are; -1: turned round, as a sign trial may find", (1, -1)),

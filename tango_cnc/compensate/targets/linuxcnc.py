@@ -39,6 +39,7 @@ FACTS = (
     Fact("conventional-directions is 0 where the module has that pin", "LinuxCNC pull request 3482", confirmed=False),
 )
 KINEMATICS = ("auto", "trivkins", "matrixkins", "xyzac-trt-kins", "xyzbc-trt-kins", "5axiskins")
+UNIT_BESIDE = False
 OPTIONS = {
     "kinematics": Option("auto", "kinematics module; auto: by the topology", KINEMATICS),
     "joints": Option("", "letters of the joints in order, e.g. XYZAC; default: X Y Z and the rotary axes"),

@@ -48,6 +48,7 @@ FACTS = (
     Fact("fine offsets act when SD42974 is 1 and stay within MD20188", "memory", confirmed=False),
     Fact("CEC acts when MD32710 of the axis and SD41300 of the table are set", "memory", confirmed=False),
 )
+UNIT_BESIDE = False
 OPTIONS = {
     "points": Option(
         17, "points of each table over the volume, more where an axis turns further; MD18342 and MD38000 have to allow them"
