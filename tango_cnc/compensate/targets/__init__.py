@@ -8,7 +8,7 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
         `Held.counted`, and `Held.written` says what stands in it
     steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
     check(request)                → nothing; raises InputError for a machine that does not fit. `check = any_machine` where all do
-    UNIT_BESIDE                   → whether its files say the unit of their lengths to who reads them: a control in inches may get them
+    UNIT_BESIDE                   → whether its files say the unit of their lengths: a control in inches may get them
     derived(request, held, numbers) → {name of a number in the files: `Derived`}, of those that it calculates from the held ones, as
         the vector between two centers: the cap looks at them, too. `derived = none_derived` where the files have the held ones
 """
