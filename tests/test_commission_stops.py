@@ -6,6 +6,7 @@ import io
 import json
 import re
 import subprocess
+import socket
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -308,7 +309,9 @@ def test_a_run_asks_before_anything_is_sent_and_says_what_is_not_proven(
 ) -> None:
     cell = cell_of(tmp_path / "cell")
     monkeypatch.setattr(sys, "stdin", Terminal("n\n"))
-    assert call("run", "-C", cell, "--port", "socket://127.0.0.1:1") not in (0, 3)  # 3: it has tried to reach the control
+    with socket.create_server(("127.0.0.1", 0)) as control:
+        assert call("run", "-C", cell, "--port", f"socket://127.0.0.1:{control.getsockname()[1]}") not in (0, 3)
+        assert control.accept()[0].recv(1) == b"", "opened and closed again, nothing sent"
     said = capsys.readouterr().err
     assert "not proven on this control: the skip signal" in said and "Start?" in said and not (cell / "readings.csv").exists()
 

@@ -109,5 +109,5 @@ def test_a_short_check_with_all_rows_meets_what_the_strategy_meets_and_keeps_no_
     held = next(h for h in one.proposal.held if h.table == table.table and h.at is not None and abs(h.at - at) < 1e-5)
     numbers = {**one.proposal.numbers, held.place: held.number(held.value(one.proposal.numbers[held.place]) + 0.4 * WRONG)}
     control = one.control(numbers, "wrong")
-    assert replace(one, look=few).judged(control, 21).verdict in HELPS  # as far as it sees
+    assert replace(one, look=few).judged(control, 21).verdict in (*HELPS, "undecided")  # as far as it sees
     assert replace(one, look=every).judged(control, 21).verdict not in HELPS

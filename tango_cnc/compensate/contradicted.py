@@ -24,27 +24,22 @@ def contradicted(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: boo
     if left.low <= promised.high:
         return ""
     stated = f"they leave {_size(left)} µm, and no more than {promised.high:.2f} were promised"
-    if any(h.tcp for h in held):
-        other = ran(kept, result, held, tcp=not tcp).left()
-        if other.low <= promised.high:
-            was, meant = ("off", "--no-tcp") if tcp else ("on", "--tcp")
-            return (
-                f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave "
-                f"{_size(other)}, as promised. Find out how they were made; allowed: {meant} when it was {was}"
-            )
-        if other.high < FAR_LESS * left.low:
-            was, meant = ("off", "--no-tcp") if tcp else ("on", "--tcp")
-            return (
-                f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave "
-                f"{_size(other)}, far less. So the machine has changed, and it was most likely {was}. Find out how they were "
-                f"made; allowed: {meant} when it was {was}"
-            )
+    other = ran(kept, result, held, tcp=not tcp).left() if any(h.tcp for h in held) else left
+    was, meant = ("off", "--no-tcp") if tcp else ("on", "--tcp")
+    stated_tcp = f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave"
+    if other.low <= promised.high:
+        return f"{stated_tcp} {_size(other)}, as promised. Find out how they were made; allowed: {meant} when it was {was}"
     without = run.left(loaded=False)
     if without.low <= promised.high:
         return (
             f"made with {kept.folder} in the control, {stated}; made without it, it would leave {_size(without)}, as promised. "
             "What it takes away would be taken away twice; allowed: readings made with it. When it is not in the control any "
             "more, note that (--rolled-back), and give what is there"
+        )
+    if other.high < FAR_LESS * left.low:
+        return (
+            f"{stated_tcp} {_size(other)}, far less. So the machine has changed, and it was most likely {was}. Find out how they "
+            f"were made; allowed: {meant} when it was {was}"
         )
     return ""
 
