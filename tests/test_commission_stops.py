@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import json
 import re
-import subprocess
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Readings
+from ..report.texts import texts
 from ..state.naming import WARMER
 from ..texts import Said, joined, say
 from .sensor_doubt import DOUBTED, in_doubt, sentence
@@ -290,9 +291,18 @@ def how_warm(
     names, told = by_how_much(sensors, now, last, night, sensor)
     key = "changed.warmer" if now >= last else "changed.colder"
     text = say(key, size=alarm["text"].values["size"], **told)
-    asked = {"do": say("night.sensors.do_knock", do=alarm["do"], names=", ".join(alarm["instead"]))} if alarm.get("instead") else {}
+    meant = joined(", ", map(_meant, alarm.get("instead") or ()))
+    asked = {"do": say("night.sensors.do_knock", do=alarm["do"], names=meant)} if meant else {}
     warmer = {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}
     return alarm | {"text": text, "warmer": warmer} | asked
+
+
+def _meant(name: str) -> str:
+    """cause or parameter that may be meant → its word, which a page translates; the symbol of an error of an axis."""
+    kind, _, place = name.partition(" ")
+    if f"cause_name.{name}" in texts():
+        return say(f"cause_name.{name}")
+    return say(f"followed.{kind}", name=place) if f"followed.{kind}" in texts() else name
 
 
 def speaks(sensors: Mapping[str, Mapping[str, Any]], name: str) -> bool:
