@@ -150,7 +150,10 @@ def test_backup_and_restore_are_one_command_each(where: str, history_place: Call
 
 @pytest.mark.long
 def test_old_cells_become_nights_and_an_etalon_file(root: Path, history_place: Callable[[], str | Path], tmp_path: Path) -> None:
-    """The exchange file holds the errors as they are: of the true machine, within what the touches know."""
+    """The exchange file holds the errors as they are: of the true machine, within what the touches know.
+
+    They are along the axes of the control. The x of hu40t is where its table goes for + of X, and the tool goes the other way.
+    """
     old, place = tmp_path / "old", str(history_place())
     shutil.copytree(root / "examples" / "hu40t", old)
     cell, truth = read_cell(old), read_world(old / "world.yaml")
@@ -163,8 +166,8 @@ def test_old_cells_become_nights_and_an_etalon_file(root: Path, history_place: C
     assert command("export", "--history", place, "-C", old, "--as", "isg", file).exception is None
     values = dict(re.findall(r"\[(\w{3})\]\s+VALUE = (\S+)", file.read_text(encoding="utf-8")))
     assert {n: float(values[n]) for n in ("X0C", "C0B")} == {
-        "X0C": pytest.approx(truth.errors["EX0C"], abs=0.002),
-        "C0B": pytest.approx(truth.errors["EC0B"], abs=8e-6),
+        "X0C": pytest.approx(-truth.errors["EX0C"], abs=0.002),
+        "C0B": pytest.approx(-truth.errors["EC0B"], abs=8e-6),
     }
     other = command("export", "--history", place, "-C", root / "examples" / "trunnion", "--as", "isg", file)
     assert "its machine is" in str(other.exception)
