@@ -34,7 +34,7 @@ class Terminal(io.StringIO):
 
 
 def called(cell: Path, answers: str, monkeypatch: pytest.MonkeyPatch, *more: str) -> tuple[int, bool]:
-    """cell, what the person types → exit status, and whether anybody came to the port of the control."""
+    """cell, what the person types → exit status, and whether anything was sent to the control."""
     monkeypatch.setattr(sys, "stdin", Terminal(answers))
     with socket.create_server(("127.0.0.1", 0)) as control:
         control.settimeout(0.3)
@@ -43,10 +43,9 @@ def called(cell: Path, answers: str, monkeypatch: pytest.MonkeyPatch, *more: str
         given = ["commission", "-C", str(cell), *([] if "--program" in more else ["--port", port]), *more]
         code = guarded(tango.main, given, prog_name="tango", standalone_mode=False)
         try:
-            control.accept()[0].close()
+            return code, control.accept()[0].recv(1) != b""
         except TimeoutError:
             return code, False
-        return code, True
 
 
 def cell_of(folder: Path, name: str) -> Path:
