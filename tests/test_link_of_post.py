@@ -16,10 +16,10 @@ from tango_cnc.commands._links import doubted
 @pytest.mark.parametrize(
     ("post", "port", "why"),
     [
-        ("centroid", "linuxcnc://127.0.0.1:5007?file=/tmp/t.ngc&log=/tmp/t.txt", "link linuxcnc is none of Centroid"),
-        ("centroid", "lsv2://192.168.1.20/TNC:/TANGO.TXT", "link lsv2 is none of Centroid"),
-        ("centroid", "socket://127.0.0.1:9", "link file is not read from such a line: file:// is"),
-        ("siemens", "socket://127.0.0.1:9", "link dnc is none of Siemens"),
+        ("centroid", "linuxcnc://127.0.0.1:5007?file=/tmp/t.ngc&log=/tmp/t.txt", "Centroid cannot use the link linuxcnc; its post"),
+        ("centroid", "lsv2://192.168.1.20/TNC:/TANGO.TXT", "Centroid cannot use the link lsv2; its post allows file"),
+        ("centroid", "socket://127.0.0.1:9", "the link file needs a URL that begins with file://"),
+        ("siemens", "socket://127.0.0.1:9", "Siemens 840D sl and ONE cannot use the link dnc; its post allows file"),
         ("haas", "socket://127.0.0.1:9?program=stored", ""),
         ("centroid", "file:///mnt/cnc/TANGO.TXT", ""),
         ("grbl", "grbl+socket://127.0.0.1:9", ""),
@@ -43,4 +43,4 @@ def test_it_is_said_before_the_run(tmp_path: Path, capsys: pytest.CaptureFixture
     stating(cell, post="centroid", port="socket://127.0.0.1:9")
     assert guarded(tango.main, ["run", "-C", str(cell), "--yes"], prog_name="tango", standalone_mode=False) == 3
     said = capsys.readouterr().err
-    assert -1 < said.index("is not read from such a line") < said.index("does not open")
+    assert -1 < said.index("needs a URL that begins with file://") < said.index("does not open")

@@ -60,7 +60,9 @@ def test_the_first_touch_after_an_indexation_or_a_pause_reads_early() -> None:
     gap = effects.disturbance(effects.checked(world("first_touch").effects), coffee, 5).gap
     assert gap == pytest.approx(0.002 * (first | (NUMBER == 20)))
     assert not first[19]
-    for after, wanted in (("indexation", first), ("pause", (NUMBER == 1) | (NUMBER == 20))):
+    turned = np.array([i == 0 or positions[i][:2] != positions[i - 1][:2] for i in range(len(positions))])
+    assert turned.sum() < first.sum()
+    for after, wanted in (("indexation", first), ("turn", turned), ("pause", (NUMBER == 1) | (NUMBER == 20))):
         gap = effects.disturbance(effects.checked(world("first_touch", after=after).effects), coffee, 5).gap
         assert gap == pytest.approx(0.002 * wanted)
 

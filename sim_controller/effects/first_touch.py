@@ -17,10 +17,17 @@ def disturb(
     rng: np.random.Generator,
     *,
     amplitude: float,
-    after: Literal["either", "indexation", "pause"] = "either",
+    after: Literal["either", "indexation", "turn", "pause"] = "either",
     pause: Positive = 600.0,
 ) -> Disturbance:
-    """n touches → gap of `amplitude` mm on the first touch of all, of each indexation and after more than `pause` s."""
-    indexed = (np.diff(history.indexation, prepend=-1) != 0) & (after != "pause")
-    rested = (np.diff(history.time, prepend=-np.inf) > pause) & (after != "indexation")
+    """n touches → gap of `amplitude` mm on the first touch of all, of each indexation and after more than `pause` s.
+
+    With `turn` an indexation in which the spindle alone has turned does not count.
+    """
+    turned = np.zeros(len(history), dtype=bool)
+    turned[:1] = True
+    for name in history.machine.rotary:
+        turned[1:] |= np.diff(history.position[:, history.column(name)]) != 0
+    indexed = (np.diff(history.indexation, prepend=-1) != 0) & (turned if after == "turn" else after != "pause")
+    rested = (np.diff(history.time, prepend=-np.inf) > pause) & (after not in ("indexation", "turn"))
     return Disturbance(gap=amplitude * (indexed | rested))

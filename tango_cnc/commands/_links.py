@@ -17,10 +17,11 @@ def doubted(post: Post, address: str) -> str:
     protocol, parsed = protocol_of(address, post.link)
     name = spoken(address) or linked(address) or post.link
     if post.links and name not in post.links:
-        return f"port {parsed.url}: link {name} is none of {post.title}, by its post: {', '.join(post.links)} are. See docs/link.md"
+        own = ", ".join(post.links)
+        return f"port {parsed.url}: {post.title} cannot use the link {name}; its post allows {own}. See docs/link.md"
     if protocol.SCHEMES and parsed.scheme not in protocol.SCHEMES.values():
         schemes = ", ".join(f"{scheme}://" for scheme in protocol.SCHEMES)
-        return f"port {parsed.url}: link {name} is not read from such a line: {schemes} is. See docs/link.md"
+        return f"port {parsed.url}: the link {name} needs a URL that begins with {schemes}. See docs/link.md"
     return ""
 
 

@@ -141,9 +141,8 @@ class RealControl:
     stamp: str
     port: str | None = None
     simulated: bool = False  # the control stands in for a machine that does not exist
-    someone: bool = (
-        False  # is at the terminal, and starts a program that does not begin itself; none is where a timer begins a night
-    )
+    # A person at the terminal starts a program that does not begin by itself. When a timer begins the night, nobody is there.
+    someone: bool = False
     twin: Callable[[], Path | None] = lambda: None  # another cell whose machine has this name, in the same history
     _points: list[PreflightPoint] = field(default_factory=list)
     _cold: bool = False  # what the preflight found: the machine warms up first

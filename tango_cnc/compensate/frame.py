@@ -43,7 +43,10 @@ def of_control(machine: Machine) -> Array:
 
 
 def as_controlled(machine: Machine) -> Machine:
-    """machine of machine.yaml → the same machine in the frame of its control; itself where they are one or there is none."""
+    """machine of machine.yaml → the same machine in the frame of its control.
+
+    It stays as it is where both frames are equal, and where the linear axes are not at right angles: then the control has no frame.
+    """
     turn = ways(machine)
     if np.array_equal(turn, np.eye(3)) or np.abs(turn @ turn.T - np.eye(3)).max() > SQUARE:
         return machine
@@ -81,7 +84,7 @@ def component(machine: Machine, axis: str, stage: Stage, i: int) -> tuple[Slot, 
     j = int(np.argmax(np.abs(row)))
     if abs(row[j]) < 1 - SQUARE:
         raise InputError(
-            f"--target: found E{COMPONENTS[i]}{axis}, which along the axes of the control is none of its errors in machine.yaml; "
+            f"--target: found E{COMPONENTS[i]}{axis}, which is a mixture of several errors along the axes of the control; "
             "allowed: a machine.yaml whose x, y and z are where the tool goes for + of X, Y and Z"
         )
     sense = round(float(np.linalg.det(turn))) if i >= 3 else 1

@@ -50,9 +50,10 @@ def kept_as_promised(best: Fit, result: Estimate, wrong: Collection[str]) -> Non
     if size > best.rms_after.high:
         names = _some(sorted(own, key=lambda label: -own[label]))
         raise TangoError(
-            f"compensate: {size:.1f} µm of what would be written come of {names}, wrong where the mistake named above is "
-            f"one. Then more would be left than {best.rms_after.value:.2f} µm ({best.rms_after.low:.2f} to "
-            f"{best.rms_after.high:.2f}). Nothing was written. Mend the mistake and propose anew; --despite where it is none"
+            f"compensate: {size:.1f} µm of what would be written come from {names}, and the mistake named above makes these wrong. "
+            f"Then more would be left than {best.rms_after.value:.2f} µm ({best.rms_after.low:.2f} to "
+            f"{best.rms_after.high:.2f}). Nothing was written. Mend the mistake and propose anew. Where you know that there "
+            "is no mistake: --despite"
         )
 
 

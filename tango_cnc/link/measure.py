@@ -127,7 +127,7 @@ def measure(
         _announced(watch, task, said)
         ready(program, client.brought)
 
-    transport = _opened(address)  # before the question: what is started before its answer is none of before this run
+    transport = _opened(address)  # before the question: a program that starts while a person answers belongs to this run
     try:
         agreed(1)
         if not tasks[0].quiet:

@@ -21,7 +21,7 @@ class Switches:
         self._unheld: set[str] = set()
 
     def switch(self, word: str) -> None:
-        """A line of the program, if it is one of the words; a line of which a comment alone was there is none."""
+        """A line of the program switches what its word stands for. An empty one, of which a comment was all, switches nothing."""
         if word and word in (self._on, self._off):  # one word for both switches over
             self._watching = not self._watching if self._on == self._off else word == self._on
         self._loose |= {name for name, own in self._unclamp.items() if own == word}

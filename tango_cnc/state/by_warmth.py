@@ -30,7 +30,7 @@ class BesideWarmth(NamedTuple):
 def rival(own: Array, patterns: Sequence[Array], white: Array, scale: float, learned: bool, beyond: Array) -> BesideWarmth | None:
     """(k, q) what temperature does at most to (k,) white innovations, (k, m) patterns of other causes, variance, whether this
     machine has shown what it does for each K, which of these causes are a step that no machine makes for so few → the cause that
-    says more of the night than temperature, alone or beside it, or nearly as much; None where there is none.
+    explains the night better than temperature does, or nearly as well, by itself or together with it; None where no cause does.
 
     Where nothing is known, one error may follow the temperature and no other: a cause beside it comes first for its size only.
     """

@@ -263,7 +263,7 @@ def trunnion(*obstacles: Obstacle, indexations: int = 4) -> Cell:
 
 
 def met(made: Plan, cell: Cell, start: np.ndarray | None = None) -> str:
-    """plan, cell whose machine is true → what it ran into, in words; empty for nothing."""
+    """plan, cell whose machine is true → the sentence about what it ran into; empty where it ran into nothing."""
     try:
         touched = run(made, rig(cell.machine, cell.artefact, World()), np.array(made.turns[0].after) if start is None else start)
     except MotionStop as stop:
