@@ -194,9 +194,8 @@ def rolled_back(kept: Kept) -> str:
 def promises(record: Mapping[str, Any]) -> tuple[Figure, Figure]:
     """record of a compensation → what was there before, and what it promised to leave, µm rms: of what its touches can see."""
     promise = record["promise"]
-    keys = (
-        unparted.SEEN if unparted.SEEN[0] in promise else ("rms_before_um", "rms_after_um")
-    )  # other touches may see no more than those did
+    # Other touches may see no more than those did that the promise rests on.
+    keys = unparted.SEEN if unparted.SEEN[0] in promise else ("rms_before_um", "rms_after_um")
     before, promised = (Figure(**promise[key]) for key in keys)
     return before, promised
 
