@@ -321,7 +321,7 @@ def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path
     other = folder / "turned.csv"
     other.write_text("\n".join([head, *(",".join(row) for row in turned)]) + "\n")
     asked = ("compensate", "-C", folder, "--target", "fanuc", "--readings", other, "--simulated", "--cap-mm", 1, "--cap-deg", 1)
-    with pytest.raises(TangoError, match=r"µm of what would be written come of EXXb.*, wrong where the mistake"):
+    with pytest.raises(TangoError, match=r"µm of what would be written come from EXXb.*, and the mistake named above makes these wrong"):
         raise run(*asked).exception or AssertionError
     assert not (folder / "compensations").exists()
 
