@@ -307,6 +307,7 @@ def test_the_list_and_the_facts_are_complete() -> None:
         )
 
 
+@pytest.mark.long
 def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path) -> None:
     """Columns with the other sign: every reversal value would be entered with the wrong sign, and double the error."""
     folder = tmp_path / "trunnion"
@@ -321,11 +322,14 @@ def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path
     other = folder / "turned.csv"
     other.write_text("\n".join([head, *(",".join(row) for row in turned)]) + "\n")
     asked = ("compensate", "-C", folder, "--target", "fanuc", "--readings", other, "--simulated", "--cap-mm", 1, "--cap-deg", 1)
-    with pytest.raises(TangoError, match=r"µm of what would be written come from EXXb.*, and the mistake named above makes these wrong"):
+    with pytest.raises(
+        TangoError, match=r"µm of what would be written come from EXXb.*, and the mistake named above makes these wrong"
+    ):
         raise run(*asked).exception or AssertionError
     assert not (folder / "compensations").exists()
 
 
+@pytest.mark.long
 def test_readings_of_the_time_after_a_compensation_are_not_taken_as_without_it(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "centroid", "--simulated").exit_code == 0

@@ -17,6 +17,7 @@ TURN = 2 * np.pi
 TRAVELS = {"endless": None, "two turns": (-np.radians(365), np.radians(365)), "less": (-np.radians(170), np.radians(185))}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("travel", list(TRAVELS))
 def test_a_table_corrects_a_place_at_each_of_its_positions(travel: str, tmp_path: Path) -> None:
     cell, world = example("trunnion")

@@ -26,6 +26,7 @@ def cell(tmp_path: Path) -> Path:
     return Path(shutil.copytree(GOLDEN, tmp_path / "shop floor" / "cell"))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("post", "port", "offered"),
     [
