@@ -24,14 +24,17 @@ def serve(line: Line, session: Session, once: bool) -> None:
     """
     ended = threading.Event()
     threading.Thread(target=_run, args=(line, session, ended), daemon=True).start()
-    while not (once and ended.is_set()):
-        session.received(len(line.receive(LOOK)))
+    try:
+        while not (once and ended.is_set()):
+            session.received(len(line.receive(LOOK)))
+    finally:
+        ended.set()  # who has hung up hears no program that is started later: it is for the next connection
 
 
 def _run(line: Line, session: Session, ended: threading.Event) -> None:
     motion, until = session.motion(), time.monotonic() + PATIENCE
     try:
-        while time.monotonic() < until:
+        while time.monotonic() < until and not ended.is_set():
             try:
                 assert session.resident is not None
                 session.resident(motion, line.send)
