@@ -122,7 +122,10 @@ def test_a_compensation_that_is_not_there_is_named(cell: Path) -> None:
         (["compensate", "--facts", "haas", "--json", "-"], "--json: found beside --facts"),
         (["compensate", "--check", "x", "--target", "haas"], "--target: found beside --check"),
         (["compensate", "--written", "1", "--readings", "x"], "--readings: found beside --written"),
-        (["compensate", str(ROOT / "README.md"), "--cap-mm", "1"], "--cap-mm: found beside a PROGRAM"),
+        (
+            ["compensate", "-C", str(ROOT / "examples/trunnion"), str(ROOT / "README.md"), "--cap-mm", "1"],
+            "--cap-mm: found beside a PROGRAM",
+        ),
         (["verify", "--write-sphere", "x", "--volume"], "--volume: found beside --write-sphere"),
         (["design", "--facets", "table:400,300", "--minutes", "5"], "--minutes: found beside --facets"),
         (["design", "--judge", str(ROOT / "README.md"), "--compare"], "--compare: found beside --judge"),
