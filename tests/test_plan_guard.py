@@ -19,9 +19,8 @@ from support.blockcell import machine as topology
 from tango_cnc.check.apart import Round
 from tango_cnc.check.bodies import Pair, Thing
 from tango_cnc.files import read_cell
-from tango_cnc.plan import plan
 from tango_cnc.plan import places as of_plan
-from tango_cnc.plan import ways
+from tango_cnc.plan import plan, ways
 from tango_cnc.plan.guard import FINE, TOUCH, TRAVEL, Guard, outside, refuse, remarks
 from tango_cnc.records import Array, InputError, Machine, Move, Plan
 
