@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support import blind
+from support.coverage import pushed
 from support.diagnosis_parts import Scatter, left, scatter, uneven
 
 from sim_controller.simulate import simulate
@@ -154,3 +156,19 @@ def test_a_pose_that_sags_is_not_called_noise_without_a_word(root: Path, tmp_pat
     assert found.verdict != "adequate" or "adequate, if single touches scatter unevenly by chance" in text
     quiet = diagnose(cell.machine, cell.artefact, read, cell.terms)
     assert quiet.verdict == "adequate" and "adequate: the model explains" in " ".join(render(quiet).split())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("both", "named"), [(True, False), (False, True)])
+def test_a_chip_that_one_touch_shows_is_an_outlier(both: bool, named: bool) -> None:
+    """Facet 26 is touched twice before touch 102. Where both are off, one each way, one is set aside and the other stays alone."""
+    b = blind.bench()
+    rng = np.random.default_rng(11)
+    read = simulate(b.cell.machine, b.cell.artefact, b.cell.strategy, replace(b.world, effects=(), noise=6e-4), seed=4)
+    rows = np.flatnonzero(np.array(read.facet) == "26")
+    way = np.zeros(len(read))
+    way[rng.choice(len(read), 12, replace=False)] = rng.choice([-1, 1], 12) * rng.uniform(0.004, 0.012, 12)
+    way[rows[:2]] = [0.013, -0.0125] if both else -0.0125
+    way[rows[2:]] = 0.0
+    found = diagnose(b.cell.machine, b.cell.artefact, pushed(b.cell, read, way), b.cell.terms)
+    assert ("chip" in {f.cause for f in found.findings}) == named, found

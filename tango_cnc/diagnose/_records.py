@@ -12,7 +12,7 @@ from ..records import Array, TermItem
 from ..terms._shape import Form
 from ._gain import Gain
 
-Why = Literal["few", "rest", "no gain", "beside a shape", "shape", "unstable", "size"]
+Why = Literal["few", "one touch", "rest", "no gain", "beside a shape", "shape", "unstable", "size"]
 FREE = 40  # touches beyond the unknowns: with fewer, nobody can tell one cause from another (docs/diagnose.md)
 SUBSETS = 5  # of the indexations, each without a fifth of them
 ALONE = 0.4  # part of a pattern in touches that are left out, above which the others cannot know of it

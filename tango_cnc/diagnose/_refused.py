@@ -10,12 +10,14 @@ from ._records import Size, Stability, Why
 MAJORITY = 3  # of the subsets
 
 
-def refused(c: Chosen, s: Size, g: Gain, back: Stability, everywhere: bool, few: bool = False) -> Why | None:
+def refused(c: Chosen, s: Size, g: Gain, back: Stability, everywhere: bool, few: bool = False, lonely: bool = False) -> Why | None:
     """a name, its size, gain, in how many subsets it came back, whether it gains in every scheme, whether the touches are too few
-    for any name → why it is not named, or None.
+    for any name, whether it rests on one touch → why it is not named, or None.
     """
     if few and not c.candidate.learned:
         return "few"
+    if lonely:
+        return "one touch"
     if not g.real or not everywhere:
         return "no gain"
     # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.

@@ -16,6 +16,7 @@ from ._field import Field
 from ._records import ALONE, SUBSETS, Stability
 from ._space import faint, space
 
+MOSTLY = 0.6  # of a pattern in one touch: with two touches on one side of an onset each of them has less than a half
 WEAK = 10.0  # evidence by which a shape may be better in a subset: no very strong evidence against a name
 
 
@@ -52,6 +53,20 @@ def stability(
                 count[id(c)][0] += any(own is s for s in stands)
                 count[id(c)][1] += 1
     return {key: Stability(*both) for key, both in count.items()}
+
+
+def lonely(e: Explanation, c: Chosen, count: NDArray[np.int64]) -> bool:
+    """explanation, a name, (n,) touches of each row → whether a single touch makes most of what the others do not explain of it.
+
+    A chip of which one touch before it is left, as the other one was set aside, is one more touch to be set aside.
+    """
+    own = c.columns
+    if aside := [o.columns for o in e.chosen if o.candidate.cause == "outlier"]:
+        basis = np.linalg.qr(np.hstack(aside))[0]
+        own = own - basis @ (basis.T @ own)
+    shown = np.sum((e.place.basis[: len(count)] @ own) ** 2, axis=1)
+    worst = int(np.argmax(shown))
+    return own.shape[1] == 1 and count[worst] == 1 and float(shown[worst]) > MOSTLY * float(shown.sum())
 
 
 def worse(one: Stability, other: Stability) -> Stability:

@@ -16,6 +16,7 @@ from ._grounds import Grounds
 from ._names import akin
 from ._records import Remainder, Why
 from ._refused import refused
+from ._stable import lonely
 from ._suited import Suited
 
 
@@ -59,7 +60,11 @@ def resting(g: Grounds, names: Sequence[Chosen], outcome: Outcome, seed: int, an
 def _confirmed(g: Grounds) -> Standing:
     """Names that touches outside the fit confirm, that come back in subsets, and whose size is known."""
     named = g.search.outcome.named
-    why = {id(c): refused(c, g.sizes[id(c)], g.gains[id(c)], g.back[id(c)], g.everywhere[id(c)], g.few) for c in named}
+    alone = {id(c): lonely(g.found, c, g.means.count) for c in named}
+    why = {
+        key: refused(c, g.sizes[key], g.gains[key], g.back[key], g.everywhere[key], g.few, alone[key])
+        for key, c in ((id(c), c) for c in named)
+    }
     accepted = [c for c in named if why[id(c)] is None]
     stand = Standing(g.search.outcome, accepted, why)
     return stand if len(accepted) == len(named) else stand.without(g, g.search.field.plain(), accepted, {})

@@ -99,6 +99,8 @@ def dropped(d: Dropped) -> str:
         return joined("", (text, say("diagnosis_said.something_is_left_beside_it")))
     if d.why == "few":
         return joined("", (text, say("diagnosis_said.touches_too_few_for_name")))
+    if d.why == "one touch":
+        return joined("", (text, say("diagnosis_said.rests_on_one_touch")))
     if d.why == "size":
         s = d.finding.size
         known = say(
