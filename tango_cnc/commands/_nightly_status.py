@@ -249,7 +249,7 @@ def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
 
 def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator[str]:
     """status, folder of the cell, --history, texts → what is printed."""
-    word = t("cli.nightly.no_night" if not found.nights else "cli.nightly.late" if found.late else "cli.nightly.on_time")
+    word = t(f"cli.nightly.{_first_word(found)}")
     unknown = found.stale and not found.by_newer("no")  # else its readings know what the nights do not
     yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if unknown else word}"
     if unknown:
@@ -276,6 +276,17 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
         yield "  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp))
     if found.coming:
         yield "  " + t("cli.nightly.next", kind=code(found.coming["kind"]), why=found.coming["why"])
+
+
+def _first_word(found: Status) -> str:
+    """status → the key of what stands first: nobody reads on behind "on time" where something has to be looked at."""
+    if not found.nights:
+        return "no_night"
+    if found.cut or found.broken:
+        return "look_first"
+    if found.late:
+        return "late"
+    return "nothing_measured" if found.nights[0].verdict == "not_measured" else "on_time"
 
 
 def _told(alarm: Mapping[str, Any], found: Status) -> str:

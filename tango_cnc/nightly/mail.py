@@ -369,7 +369,8 @@ def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[
     if record["status"] == "refused":
         do, part = t("mail.do", text=t("night.refused_do")), t("mail.on_part", text=t("night.refused_part"))
         return [f"* {do}", f"* {part}", f"* {whose}"]
-    key = "night.moved_do" if record.get("moved") else "night.unmeasured_do"  # it was at work: the control knows more
+    still = "night.unread_do" if record.get("unread") else "night.unmeasured_do"
+    key = "night.moved_do" if record.get("moved") else still  # it was at work: the control knows more
     usual = t("night.night.see_to_history") if _is_unjudged(record) else t(key)
     do = "" if any(p["do"] for p in failed) else t("mail.do", text=usual)
     last = record.get("last_measured")

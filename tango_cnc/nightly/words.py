@@ -159,12 +159,14 @@ def _headline(record: Mapping[str, Any]) -> str:
         nothing = say("night.words.no_alarm_but", text=trend["text"])
     if silent := () if record.get("ignored") else _unheard(record):
         nothing = _beside_unheard(nothing if put_right else None, silent, record.get("trend"))
+    first_time = (record.get("change") or {}).get("p_value") is None
+    first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:
         o = open_ones[0]
         return say(
             "night.words.whether_within_not_certain",
-            nothing=nothing,
+            nothing=first_word if first_time else nothing,
             part=part,
             what=what_of(o["what"]),
             limit=f"{o['limit']:g}",
@@ -173,8 +175,6 @@ def _headline(record: Mapping[str, Any]) -> str:
         )
     volume = (record.get("volume") or {}).get("worst_um")
     told = "" if volume is None else say("night.words.largest_error_over_volume", volume=number(volume, signed=False))
-    first_time = (record.get("change") or {}).get("p_value") is None
-    first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""
     return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
 
