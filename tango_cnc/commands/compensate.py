@@ -189,6 +189,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
+        hidden_by=dict(judgement.hidden),
     )
     if not options["dry_run"]:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
