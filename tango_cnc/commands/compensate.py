@@ -164,11 +164,10 @@ def _program_of(cell: Cell, options: dict[str, Any]) -> int:
         raise InputError(f"--{ignored[0]}: found beside a PROGRAM, where it does nothing; allowed: without one, with --target")
     contained(cell.folder, options)
     options["of_no_machine"] = _consented(cell.folder, options)
-    result, _ = _estimate(cell, options)
-    data = _program.program(cell, result, options["source"], options)
+    data = _program.program(cell, *(found := _estimate(cell, options)), options["source"], options)
     if not write_json(options["json_file"], data):
         click.echo(_program.said(data))
-        _warmth(cell, result)
+        _warmth(cell, found[0])
     return 0
 
 
@@ -190,6 +189,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
+        hidden_by=dict(judgement.hidden),
     )
     if not options["dry_run"]:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
