@@ -17,6 +17,7 @@ from tango_cnc.nightly.sensors import how_warm
 from tango_cnc.records import Cell, Readings, World
 from tango_cnc.report.tonight import by_verdict
 from tango_cnc.texts import say
+from tango_cnc.texts.number import shown
 from tango_cnc.touches import from_readings
 
 SWINGS = {"EX0C": 6e-4, "EX0S": 6e-4, "EXX1": 1.5e-6, "EYY1": 1.5e-6, "EZZ1": 1.5e-6}  # a K
@@ -121,3 +122,18 @@ def test_who_was_at_the_machine_is_asked_first_where_a_knock_may_be_all_of_it() 
     assert warm["do"] == alarm["do"]
     beyond = by_verdict(either, "out_of_limits")["do"]
     assert beyond.startswith("Ask first who") and "Make parts" not in beyond and "usual temperature and measure it again" in beyond
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "label"),
+    [
+        ("mm/K", 1e3, "µm/K"),
+        ("rad/K", 1e6, "µrad/K"),
+        ("mm/mm/K", 1e6, "µm/m/K"),
+        ("rad/mm/K", 1e9, "µrad/m/K"),
+        ("mm/mm²/K", 1e9, "µm/m²/K"),
+    ],
+)
+def test_every_coefficient_has_a_unit_for_each_kelvin(unit: str, factor: float, label: str) -> None:
+    """Scales that changed beside a knock ended the verdict of the night."""
+    assert shown(unit) == (pytest.approx(factor), label)

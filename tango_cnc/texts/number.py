@@ -25,6 +25,9 @@ def unsigned_zero(text: str) -> str:
 
 def shown(unit: str) -> tuple[float, str]:
     """unit of a coefficient (mm, rad, mm/mm², rad/mm …) → factor and unit for people (µm, µrad, µm/m², µrad/m …)."""
+    if unit.endswith("/K"):
+        factor, label = shown(unit.removesuffix("/K"))
+        return factor, f"{label}/K"
     top, _, bottom = unit.partition("/")
     factor, label = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "": (1.0, "")}.get(top, (1.0, top))
     if not bottom:
