@@ -53,5 +53,9 @@ NOTHING: dict[tuple[str, str, str], str] = {
     ("tango_cnc/readback/languages/grbl.py", "abs(length - self._length) > ALIKE", "(abs(length - self._length)) >= (ALIKE)"): (
         "a computed length: equal to a limit by chance alone"
     ),
+    ("tango_cnc/link/transport/_file.py", "len(START) - 1", "(len(START)) + (1)"): (
+        "two bytes more of a piece that was searched already: a mark that is whole in it has been found"
+    ),
+    ("tango_cnc/check/solid.py", "3 - np.sqrt(5)", "(3) + (np.sqrt(5))"): "the same spiral the other way round",
     ("tango_cnc/readback/walk.py", "gap < AIR", "(gap) <= (AIR)"): "a computed distance: equal to a limit by chance alone",
 }

@@ -30,7 +30,8 @@ from .session import Ledger, Session, Setup, families
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="Run this program once, as soon as it is there, whoever waits for it or not; with --tcp or --pty: on its command. "
-    "Default with --records: each program of the cell, when a command of tango waits for its start.",
+    "Default with --records, and where the control has its program by other ways (--protocol dprnt): each program of the cell, "
+    "when a command of tango waits for its start.",
 )
 @click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="Where the records go, instead of a line.")
 @click.option(
@@ -139,6 +140,8 @@ def main(
     try:
         if start is not None:
             session.keep(start)
+        elif talk.stored:
+            session.resident = started.waited(folder, session)
         if there.records is not None:
             click.echo(there.records.absolute().as_uri())
             sys.stdout.flush()

@@ -11,6 +11,7 @@ from typing import Any
 from tango_cnc.records import LinkError
 
 from .languages import Alarm, Silence
+from .motion import Motion
 from .session import Session, tape
 
 LOOK = 0.1  # s between two looks for the program
@@ -58,6 +59,23 @@ def attend(folder: Path, records: Path, session: Session, once: bool) -> None:
             if once:
                 return
         time.sleep(LOOK)
+
+
+def waited(folder: Path, session: Session) -> Callable[[Motion, Callable[[bytes], None]], None]:
+    """cell, session → what carries out its program that a command waits for. That raises FileNotFoundError while none does."""
+    done = set[tuple[Path, str]]()
+
+    def started(motion: Motion, punch: Callable[[bytes], None]) -> None:
+        for journal, mark in _waiting(folder):
+            program = _program(folder, mark.split()[-1])
+            if program is not None and (journal, mark) not in done:
+                done.add((journal, mark))
+                session.show(f"starts {program}")
+                session.run(session.control(punch, motion, program), tape(program))
+                return
+        raise FileNotFoundError
+
+    return started
 
 
 def _carried_out(program: Path, records: Path, session: Session, motion: Any) -> None:

@@ -156,6 +156,15 @@ def test_what_comes_down_to_the_stand_off_is_as_wide_as_the_tip(kind: str, beyon
     assert (f"the tip would hit {kind} on the way to the stand-off" in why) if beyond < 0 else not why
 
 
+@pytest.mark.parametrize("standoff", [0.5, 1.5])
+def test_a_stand_off_nearer_than_the_usual_margin_needs_half_of_itself(standoff: float) -> None:
+    """At the stand-off the tip is this far from the facet that it has just touched, and no further."""
+    flat = {name: facet for name, facet in block().facets.items() if facet.ball is None}
+    x, y, z = flat["1"].point
+    tip = (x + PROBE.tip_radius, y, z)
+    assert refusal(Artefact("block", flat), tip=tip, facet="1", table=True, approach=replace(APPROACH, standoff=standoff)) == ""
+
+
 @pytest.mark.parametrize(("thick", "passes"), [(2.85, False), (2.75, True)])
 def test_a_stem_keeps_two_tenths_off_the_ball_that_its_tip_touches(thick: float, passes: bool) -> None:
     """The facet leans to the spindle by 6°: the stem is nearest to the ball where the tip is."""

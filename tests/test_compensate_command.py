@@ -101,13 +101,39 @@ def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> N
         (["--target", "linuxcnc", "--volume", "X=-9000:0"], "within its travel"),
         (["--target", "linuxcnc", "--terms", "S1"], "no error of the machine"),
         ([], "allowed: "),
-        (["--measured", "7"], "no compensation 7"),
+        (["--measured", "7"], "--dry-run: found beside --measured, where it does nothing"),
     ],
 )
 def test_wrong_input_is_answered(cell: Path, arguments: list[str], said: str) -> None:
     done = run("compensate", "-C", cell, "--dry-run", *arguments)
     assert isinstance(done.exception, TangoError) and said in str(done.exception), done.output
     assert not (cell / "compensations").exists()
+
+
+def test_a_compensation_that_is_not_there_is_named(cell: Path) -> None:
+    assert "no compensation 7" in str(run("compensate", "-C", cell, "--measured", 7).exception)
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["compensate", "--list", "--target", "haas"], "--target: found beside --list"),
+        (["compensate", "--facts", "haas", "--json", "-"], "--json: found beside --facts"),
+        (["compensate", "--check", "x", "--target", "haas"], "--target: found beside --check"),
+        (["compensate", "--written", "1", "--readings", "x"], "--readings: found beside --written"),
+        (
+            ["compensate", "-C", str(ROOT / "examples/trunnion"), str(ROOT / "README.md"), "--cap-mm", "1"],
+            "--cap-mm: found beside a PROGRAM",
+        ),
+        (["verify", "--write-sphere", "x", "--volume"], "--volume: found beside --write-sphere"),
+        (["design", "--facets", "table:400,300", "--minutes", "5"], "--minutes: found beside --facets"),
+        (["design", "--judge", str(ROOT / "README.md"), "--compare"], "--compare: found beside --judge"),
+        (["design", "--separate", "backlash", "step", "--minutes", "5"], "--minutes: found beside --separate"),
+    ],
+)
+def test_what_does_nothing_beside_a_stronger_option_is_refused(arguments: list[str], said: str) -> None:
+    assert said in str(run(*arguments).exception)
 
 
 def test_simulated_readings_are_refused_before_anything_is_proposed(cell: Path) -> None:
@@ -307,6 +333,7 @@ def test_the_list_and_the_facts_are_complete() -> None:
         )
 
 
+@pytest.mark.long
 def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path) -> None:
     """Columns with the other sign: every reversal value would be entered with the wrong sign, and double the error."""
     folder = tmp_path / "trunnion"
@@ -321,11 +348,14 @@ def test_numbers_that_a_named_mistake_makes_wrong_are_not_written(tmp_path: Path
     other = folder / "turned.csv"
     other.write_text("\n".join([head, *(",".join(row) for row in turned)]) + "\n")
     asked = ("compensate", "-C", folder, "--target", "fanuc", "--readings", other, "--simulated", "--cap-mm", 1, "--cap-deg", 1)
-    with pytest.raises(TangoError, match=r"µm of what would be written come from EXXb.*, and the mistake named above makes these wrong"):
+    with pytest.raises(
+        TangoError, match=r"µm of what would be written come from EXXb.*, and the mistake named above makes these wrong"
+    ):
         raise run(*asked).exception or AssertionError
     assert not (folder / "compensations").exists()
 
 
+@pytest.mark.long
 def test_readings_of_the_time_after_a_compensation_are_not_taken_as_without_it(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "centroid", "--simulated").exit_code == 0

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.compensated import example, truth, write
+from support.few import every
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from tango_cnc.compensate import Proposal, as_json, propose, targets
 from tango_cnc.compensate.frame import along_the_drawing, as_controlled, said
+from tango_cnc.compensate.space import sample
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.records import Array, Axis, Cell, InputError
 from tango_cnc.terms import find
@@ -24,6 +26,22 @@ FRAMES = {
     "mirror": np.diag([-1.0, 1.0, 1.0]),  # as somebody draws it who follows the table of X
 }
 OWN = ("iso230",)  # says in its file in which frame it is
+
+
+AWAY = np.array([300.0, -200.0, 500.0])  # mm by which the frame of machine.yaml is elsewhere
+
+
+def moved(cell: Cell, way: Array) -> Cell:
+    """cell, mm → the same machine and artefact in a frame whose zero is elsewhere."""
+
+    def there(point: tuple[float, float, float]) -> tuple[float, float, float]:
+        return vector(np.array(point) + way)
+
+    axes = tuple(a if a.kind == "linear" else replace(a, point=there(a.point)) for a in cell.machine.axes)
+    facets = {k: replace(f, point=there(f.point)) for k, f in cell.artefact.facets.items()}
+    balls = {k: replace(b, centre=there(b.centre)) for k, b in cell.artefact.balls.items()}
+    artefact = replace(cell.artefact, facets=facets, balls=balls)
+    return replace(cell, machine=replace(cell.machine, axes=axes), artefact=artefact)
 
 
 def vector(way: Array) -> tuple[float, float, float]:
@@ -84,6 +102,7 @@ SHORT = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "frame", "target"), [pytest.param(*c, marks=() if c in SHORT else pytest.mark.long) for c in CASES]
 )
@@ -136,3 +155,19 @@ def test_what_an_earlier_version_wrote_along_the_axes_of_machine_yaml_is_named()
     assert along_the_drawing(older, behind) == said(behind)
     assert not along_the_drawing(older, here) and "along" not in as_json(made("trunnion", "own", "haas"))
     assert "along" not in as_json(made("trunnion", "behind", "centroid"))
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    every([*(("trunnion", t) for t in ("fanuc", "value_sheet", "haas", "grblhal")), ("fork_head", "fanuc"), ("split", "fanuc")], 6),
+)
+def test_centers_are_what_the_axes_show_wherever_the_zero_of_the_drawing_is(name: str, target: str, tmp_path: Path) -> None:
+    cell, world = example(name)
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, replace(world, noise=0.0))
+    there = moved(cell, AWAY)
+    proposal = propose(estimate(there.machine, there.artefact, readings, cell.terms), target, poses=256)
+    own = made(name, "own", target)
+    assert proposal.numbers == pytest.approx(own.numbers, abs=1e-3)  # mm, deg; errors of second order, and a digit
+    control = read(write(proposal, tmp_path / "c", proposal.undo), there.machine)
+    at = sample(there.machine, proposal.request.limits, 64).touches
+    assert control(at.position, at.direction) == pytest.approx(at.position, abs=1e-9)  # nothing is corrected, nothing is moved

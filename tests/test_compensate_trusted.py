@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
-from support.compensated import first
+from support.compensated import example, first, text, truth, write
 
+from sim_controller.compensation import read
 from tango_cnc.compensate import Proposal, as_json, propose
 from tango_cnc.compensate.loop import Kept
 from tango_cnc.compensate.outcome import Outcome, Remeasured, ran
@@ -73,3 +75,31 @@ def test_what_seems_to_do_harm_is_taken_back_even_if_the_run_is_not_to_be_truste
     found = said("no help")
     assert found.verdict == "no help"
     assert found.text.startswith("69 are left of 37: load undo/. But ") and "take it back all the same" in found.text
+
+
+@pytest.mark.long
+def test_the_promise_contains_by_how_much_what_no_touch_shows_moves_a_center(tmp_path: Path) -> None:
+    cell, world = example("trunnion")
+    plain, unsure = (propose(first("trunnion"), "siemens", poses=256, hidden_by=by) for by in ({}, {"EY0C": 0.012}))
+    assert unsure.numbers == plain.numbers and plain.fit.widened is None
+    seen, promised = unsure.fit.rms_after, unsure.fit.promised.rms_after
+    assert (seen.value, seen.low) == (promised.value, promised.low)
+    there = replace(world, errors={**world.errors, "EY0C": world.errors["EY0C"] + 0.008})
+    left = truth(cell, there, unsure, read(write(unsure, tmp_path / "c"), cell.machine))
+    assert seen.high < left < promised.high < 10 * left
+    assert "may move EY0C. Without that" in text(unsure) and "may move" not in text(plain)
+    assert as_json(unsure)["promise"]["seen_after_um"]["high"] < as_json(unsure)["promise"]["rms_after_um"]["high"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["split", "trunnion"])
+def test_a_proposal_says_what_a_scale_leaves_that_no_touch_shows(name: str, tmp_path: Path) -> None:
+    cell, world = example(name)
+    made = propose(first(name), "siemens", poses=256)
+    assert ("every 10 µm/m of the absolute scale" in text(made)) is bool(made.common_scale) is (name == "split")
+    if made.common_scale:
+        scaled = {a: world.errors.get(a, 0.0) + 1e-5 for a in ("EXX1", "EYY1", "EZZ1")}
+        control = read(write(made, tmp_path / "c"), cell.machine)
+        grown = truth(cell, replace(world, errors={**world.errors, **scaled}), made, control)
+        assert grown > 2  # µm
+        assert grown == pytest.approx(made.common_scale, rel=0.1, abs=truth(cell, world, made, control))

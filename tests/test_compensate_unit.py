@@ -26,6 +26,7 @@ def mill(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("target", targets.names())
 def test_a_control_in_inches_gets_no_millimeters_without_their_unit(
     mill: Path, target: str, capsys: pytest.CaptureFixture[str]
@@ -38,6 +39,7 @@ def test_a_control_in_inches_gets_no_millimeters_without_their_unit(
         assert status != 0 and "position_unit: inch" in said.err and "divided by 25.4" in said.err, said.err
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("target", ["linuxcnc", "haas", "fanuc", "siemens"])
 def test_the_steps_of_a_compensation_say_the_unit(target: str, tmp_path: Path) -> None:
     made = propose(first("trunnion"), target)

@@ -12,6 +12,7 @@ import yaml
 from scipy.optimize import least_squares
 
 from sim_controller.simulate import simulate
+from tango_cnc.commands.estimate import as_text
 from tango_cnc.estimate import Estimate, estimate, fit, without
 from tango_cnc.files import read_cell, read_strategy, read_world
 from tango_cnc.identify import Selection, select
@@ -388,3 +389,12 @@ def test_the_scatter_of_a_touch_is_that_of_the_freedom_which_the_touches_have(ex
     spent = np.einsum("ij,jk,ik->", own, result.covariance, own) / result.sigma**2
     freedom = len(own) - spent
     assert result.sigma == pytest.approx(np.sqrt(result.residuals @ result.residuals / freedom), rel=1e-3)
+
+
+@pytest.mark.parametrize(("times", "said"), [(1.0, False), (1.7, False), (2.6, True)])
+def test_touches_that_scatter_far_more_than_stated_are_said_to(times: float, said: bool) -> None:
+    cell = read_cell(EXAMPLES / "trunnion")
+    world = replace(read_world(EXAMPLES / "trunnion" / "world.yaml"), noise=times * cell.machine.probe.repeatability)
+    made = simulate(cell.machine, cell.artefact, cell.strategy, replace(world, seed=5))
+    found = estimate(cell.machine, cell.artefact, made, cell.terms)
+    assert (f"the touches scatter {found.sigma / cell.machine.probe.repeatability:.1f} times as much" in as_text(found, [])) == said

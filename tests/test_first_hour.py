@@ -179,6 +179,7 @@ def test_a_control_that_was_reset_is_not_asked_for_its_probe(tmp_path: Path) -> 
     assert "What has reset the control" in stopped.err and "probe alive" not in stopped.err and "rule" not in stopped.err
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("words", [("run",), ("locate",), ("commission", "--touch")], ids=" ".join)
 def test_an_axis_that_goes_the_other_way_is_no_question_at_a_terminal(
     cell: Path, capsys: pytest.CaptureFixture[str], at_a_terminal: list[str], words: tuple[str, ...]
@@ -202,6 +203,7 @@ def test_an_axis_that_goes_the_other_way_is_no_question_at_a_terminal(
         assert "Start?" in said and "It is NOT so: it went on. What to do: " in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("typed", "times", "offered"), [(["", "maybe", "YES", "n"], 3, False), (["No"], 1, False), (["?", "Y"], 1, True)]
 )

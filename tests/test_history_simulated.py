@@ -46,6 +46,7 @@ def test_nights_of_a_machine_without_a_b_axis_are_measured_and_know_its_limits(c
     assert all(r["duration_s"] == pytest.approx(r["machine_time_s"], abs=1) and r["duration_s"] > 60 for r in records)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "words",
     [("list",), ("list", "--last", "1"), ("show",), ("plot",)],

@@ -57,6 +57,7 @@ def plotted(example: str, motion: str, order: int, part: int, tilt: bool) -> flo
     return float(np.ptp(fit.fun)) * (1e6 if tilt else 1e3)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("example", "motion", "order", "part"),
     [

@@ -58,6 +58,17 @@ def test_a_control_that_prints_into_tcp_is_read_and_nothing_is_sent(cell, tmp_pa
 
 
 @pytest.mark.long
+def test_a_program_that_a_run_waits_for_is_started(cell, tmp_path):
+    """Nobody states which: a protocol whose program a person brings is tried under its own name."""
+    stated(cell, "haas")
+    options = [word for text in HAAS for word in ("--set", text)]
+    with controller(cell, "--protocol", "dprnt", "--tcp", "127.0.0.1:0", *options) as url:
+        result = Result("run", "-C", cell, "--port", port_of(url), "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+@pytest.mark.long
 def test_the_program_of_another_plan_at_the_control_gives_no_reading(cell, tmp_path):
     program = stated(cell, "haas")
     old = tmp_path / "old.nc"

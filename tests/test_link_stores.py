@@ -174,6 +174,7 @@ class Disk:
 DONE = "226 Transfer complete."
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("before", range(4))
 @pytest.mark.parametrize("end", [f"426 cut off|{DONE}", f"{DONE}|{DONE}"], ids=["cut off", "said twice"])
 def test_a_transfer_that_is_answered_twice_puts_no_ftp_session_out_of_step(end: str, before: int) -> None:

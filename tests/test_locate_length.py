@@ -35,7 +35,7 @@ def _with_stylus(made: Plan, longer: float) -> Plan:
     return replace(made, machine=replace(made.machine, probe=replace(probe, length=probe.length + longer)))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("longer", [20.0, -7.5])
 @pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head"])
 def test_a_stylus_of_another_length_is_not_taken_for_a_table_elsewhere(tmp_path: Path, example: str, longer: float) -> None:

@@ -98,6 +98,7 @@ def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_
     assert "--agrees" not in str(refused.value)
 
 
+@pytest.mark.long
 def test_with_a_touch_missing_no_table_is_taken_for_less_exact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The refusal withheld `--agrees`, and the command took it: 2.7 mm beside, "9 touches count", one of which had met nothing."""
     cell = tmp_path / "cell"

@@ -26,6 +26,7 @@ def cell(tmp_path: Path) -> Path:
     return Path(shutil.copytree(GOLDEN, tmp_path / "shop floor" / "cell"))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("post", "port", "offered"),
     [
@@ -56,6 +57,15 @@ def test_a_night_that_a_person_would_have_to_start_is_refused_beforehand(
     assert not (cell / "nights" / "timer").exists()
     assert call("nightly", "-C", cell, "--dry-run", "--simulated", "--json", "-") in (0, 1)
     assert "a person starts" not in capsys.readouterr().out  # a simulated control starts it
+
+
+def test_a_plc_that_starts_the_program_is_stated(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stating(cell, post="haas", port=STORED, probe_state="none")
+    (cell / "nightly.yaml").write_text("nightly: 1\ncontrol_starts_within: 300\n", "utf-8")
+    call("nightly", "-C", cell, "--dry-run", "--json", "-")
+    points = {p["check"]: p for p in json.loads(capsys.readouterr().out)["preflight"]}
+    assert points["start"]["passed"] and "the control starts the program by itself, within 300 s" in points["start"]["found"]
+    assert call("nightly", "-C", cell, "--install", "cron") == 0
 
 
 @pytest.mark.parametrize("name", posts.names())

@@ -67,6 +67,7 @@ def shop(root: Path) -> Shop:
     return Shop(root)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("every", [1, EVERY])
 @pytest.mark.parametrize("kelvin", [-3.0, 3.0])
 @pytest.mark.parametrize("size", [0.020, 0.008])
@@ -83,6 +84,7 @@ def test_a_knock_in_a_warmer_night_is_a_knock(shop: Shop, size: float, kelvin: f
     assert np.all(after.std[per_kelvin] <= ahead.std[per_kelvin] * 1.001 + 1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("every", [1, EVERY])
 @pytest.mark.parametrize("kelvin", [-3.0, 3.0])
 def test_a_knock_in_the_first_warm_night_of_all_is_named(shop: Shop, kelvin: float, every: int) -> None:

@@ -19,7 +19,8 @@ from support.blockcell import machine as topology
 from tango_cnc.check.apart import Round
 from tango_cnc.check.bodies import Pair, Thing
 from tango_cnc.files import read_cell
-from tango_cnc.plan import plan
+from tango_cnc.plan import places as of_plan
+from tango_cnc.plan import plan, ways
 from tango_cnc.plan.guard import FINE, TOUCH, TRAVEL, Guard, outside, refuse, remarks
 from tango_cnc.records import Array, InputError, Machine, Move, Plan
 
@@ -274,3 +275,19 @@ def test_a_way_on_which_something_is_met_is_that_to_the_touch_it_leads_to() -> N
     assert said in faults[touch.number]
     with pytest.raises(InputError, match=re.escape(said)):
         refuse(made, cast(Guard, Asked(lambda place: tuple(place.tolist()) == tuple(touch.end))))
+
+
+def test_a_way_with_something_in_it_goes_over_the_clear_level_from_end_to_end() -> None:
+    """The others stay as low as they were."""
+    cell = read_cell(Path(__file__).parent / "golden" / "cell")
+    scene = of_plan.scene(cell.machine, cell.artefact, cell.strategy)
+    touched = [(facet, at) for at, one in enumerate(cell.strategy.indexations) for facet in one.facets]
+    facet, at = np.array([scene.facet.index(name) for name, _ in touched]), np.array([at for _, at in touched])
+    low, _ = ways.lifts(replace(scene, guard=cast(Guard, Asked())), facet, at)
+    before = next(i for i, (one, other) in enumerate(pairwise(at)) if one == other and low[2, i] < low[0, i])
+    standoff, up = scene.standoff(facet[[before + 1]], at[[before + 1]])
+    end = scene.axes(at[[before + 1]], (standoff + low[1, [before + 1], None] * up)[None])[0, 0]
+    high, _ = ways.lifts(replace(scene, guard=cast(Guard, Asked(lambda place: bool(np.allclose(place, end))))), facet, at)
+    expected = low.copy()
+    expected[2, before], expected[1, before + 1] = low[0, before], low[0, before + 1]
+    assert (high == expected).all() and (high != low).any(axis=0).tolist() == [i in (before, before + 1) for i in range(len(at))]

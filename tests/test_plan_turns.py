@@ -308,6 +308,7 @@ def test_which_point_of_its_line_a_rotary_axis_states_does_not_matter(height: fl
     np.testing.assert_allclose([turn.after for turn in near.turns], [turn.after for turn in far.turns], atol=1e-6)
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 def test_the_sphere_that_a_table_sweeps_is_as_small_as_two_axes_and_a_middle_allow(seed: int) -> None:
     """Its centre is on the axis that turns all, next to the other; of one axis alone halfway between the ends of its load."""

@@ -26,6 +26,7 @@ def examples() -> list[tuple[str, str, Any]]:
     return found
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize(("post", "option", "value"), examples(), ids=lambda part: str(part).replace(" ", ""))
 def test_an_example_of_an_option_passes(post: str, option: str, value: Any) -> None:
     """Mach4 refused `probe_on: G65 P9832`, the very words of its own header."""

@@ -341,6 +341,11 @@ def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -
         ("GT +0.01 GOTO LBL 94", "GT +0.01 GOTO LBL 95", "label 95 is no place where this program stops for good"),
         ("LBL 94\nSTOP ; ROTARY AXIS NOT IN PLACE\nM30", "LBL 94\nSTOP ; ROTARY AXIS NOT IN PLACE", "label 94 is no place"),
         ("GOTO LBL 22\nQ46 = 2\nLBL 22", "GOTO LBL 24\nQ46 = 2\nLBL 22", "label 24 is no place"),
+        (
+            "FN 11: IF +Q35 GT +5.0000 GOTO LBL 22\nQ46 = 2\nLBL 22",
+            "LBL 22\nFN 11: IF +Q35 GT +5.0000 GOTO LBL 22\nQ46 = 2",
+            "label 22 is no place",
+        ),
         ("IDX5", "IDX4", "found axis number 4"),
         ("Q56 = 2\n", "Q56 = 3\n", "the record is of touch 3; this is touch 2"),
         ('STRING QS3 = " Y"', 'STRING QS5 = " Y"', "appears twice"),

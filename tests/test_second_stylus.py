@@ -245,6 +245,7 @@ def test_the_report_has_the_hash_of_the_second_run(tmp_path: Path) -> None:
     assert known["readings.stylus2.csv"] == hashlib.sha256(b"readings.stylus2.csv").hexdigest()
 
 
+@pytest.mark.long
 def test_a_second_stylus_as_long_as_the_first_is_said_to_part_nothing() -> None:
     """Twice as many touches decide seven figures more, with styli of one length, too: they were counted as what it adds."""
     cell = read_cell(EXAMPLE.parent / "trunnion")

@@ -95,6 +95,7 @@ def test_micrometres_per_kelvin_are_not_those_of_degrees_fahrenheit(tmp_path: Pa
     assert "it takes no part" in said_there
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("command", ["estimate", "iso230"])
 def test_the_commands_say_it(tmp_path: Path, command: str) -> None:
     folder = tmp_path / "cell"

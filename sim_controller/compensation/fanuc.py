@@ -78,7 +78,7 @@ def _vectors(folder: Path, machine: Machine) -> Callable[[Array], Array] | None:
     tool = [a for a in machine.tool_branch if a in machine.rotary]
     points: dict[str, Array] = {}
     if work:
-        points[work[0]] = vector(19700)
+        points[work[0]] = np.array(machine.spindle.point) + vector(19700)  # machine zero is where the spindle stands
     if len(work) == 2:
         points[work[1]] = points[work[0]] + vector(19703)
     if tool:

@@ -38,7 +38,11 @@ def read(folder: Path, machine: Machine) -> Applied:
         one = re.fullmatch(r"([ABC]) (centre|direction) ([XYZ])", found["place"])
         table, back = TABLE.fullmatch(found["place"]), re.fullmatch(r"reversal ([XYZABC])", found["place"])
         if one and one[1] in machine.rotary:
-            (points if one[2] == "centre" else directions)[one[1]]["XYZ".index(one[3])] = value
+            i = "XYZ".index(one[3])
+            if one[2] == "centre":  # what the axes show with the spindle there
+                points[one[1]][i] = machine.spindle.point[i] + value
+            else:
+                directions[one[1]][i] = value
         elif back and back[1] in machine.names:
             reversal[back[1]] = value * scale(back[1])
         elif table:

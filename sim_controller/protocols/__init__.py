@@ -16,8 +16,13 @@ from ..session import Session
 
 @dataclass(frozen=True)
 class Talk:
-    """A protocol: how it talks, and the URL of its port for the other side, with {} for host and port or the device."""
+    """A protocol: how it talks, and the URL of its port for the other side, with {} for host and port or the device.
+
+    `stored`: the program comes to the control by other ways. `session.resident` is then the program of `--start`, or each that a
+    command of tango waits for.
+    """
 
     serve: Callable[[Line, Session, bool], None]
     tcp: str = "socket://{}"
     pty: str = "{}"
+    stored: bool = False

@@ -1,4 +1,4 @@
-"""A control that prints into a TCP connection: Ethernet DPRNT. Its program came by other ways; somebody starts it (`--start FILE`).
+"""A control that prints into a TCP connection: Ethernet DPRNT. Its program came by other ways; somebody starts it.
 
 The records go out as the printing of the language makes them. What comes in is read and thrown away, but put down in the ledger.
 """
@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import threading
 import time
-
-from tango_cnc.records import InputError
 
 from ..languages import Alarm, Silence
 from ..lines import Closed, Line
@@ -22,20 +20,21 @@ PATIENCE = 60.0  # s for which somebody waits for it
 def serve(line: Line, session: Session, once: bool) -> None:
     """line, session → the stored program runs as soon as it is there, once a connection; the line stays open afterwards.
 
-    Raises InputError without `--start`, Closed when the other side hangs up.
+    Raises Closed when the other side hangs up.
     """
-    if session.resident is None:
-        raise InputError("--protocol dprnt: found no --start; allowed: --start FILE, the program that the control has stored")
     ended = threading.Event()
     threading.Thread(target=_run, args=(line, session, ended), daemon=True).start()
-    while not (once and ended.is_set()):
-        session.received(len(line.receive(LOOK)))
+    try:
+        while not (once and ended.is_set()):
+            session.received(len(line.receive(LOOK)))
+    finally:
+        ended.set()  # who has hung up hears no program that is started later: it is for the next connection
 
 
 def _run(line: Line, session: Session, ended: threading.Event) -> None:
     motion, until = session.motion(), time.monotonic() + PATIENCE
     try:
-        while time.monotonic() < until:
+        while time.monotonic() < until and not ended.is_set():
             try:
                 assert session.resident is not None
                 session.resident(motion, line.send)
@@ -53,4 +52,4 @@ def _run(line: Line, session: Session, ended: threading.Event) -> None:
         ended.set()
 
 
-TALK = Talk(serve)
+TALK = Talk(serve, stored=True)

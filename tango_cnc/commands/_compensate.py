@@ -18,6 +18,7 @@ from ..records import Cell, InputError, Machine
 from ._common import table
 
 LEAST_WORSE = 0.1  # µm: a growth by less is rounding
+LISTED = 6  # names in a sentence
 WORTH_IT = 0.98  # of what a control leaves: programs that leave as much, but for the scatter of the draws, take nothing away
 
 
@@ -125,6 +126,11 @@ def text(proposal: Proposal) -> str:
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
         f"rounding to the increment costs {best.rounding:.2f} µm",
         *(f"in none of these numbers: {said}" for said in summary(proposal.not_identifiable)),
+        *(
+            [f"every 10 µm/m of the absolute scale leave {proposal.common_scale:.2f} µm (rms) beside these figures"]
+            if proposal.common_scale
+            else []
+        ),
     ]
     if proposal.unseen:
         lines += [
@@ -188,10 +194,16 @@ def _together(proposal: Proposal) -> list[str]:
 
 
 def _one_orientation(best: Fit) -> list[str]:
-    """fit → a sentence where the spindle was never turned: how much of the promise is what no touch parts from the stylus."""
+    """fit → a sentence where the promise contains more than its touches show: what no touch parts from the stylus, or shows."""
     if best.widened is None:
         return []
-    seen = best.rms_after
+    seen, names = best.rms_after, best.widened.doubted
+    if not best.widened.size:
+        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+        return [
+            f"the intervals contain by how much what no touch shows (a drift, a step) may move {', '.join(names[:LISTED])}{more}. "
+            f"Without that {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left"
+        ]
     return [
         "NOTE: the spindle was never turned, so where it is may be the runout of the stylus "
         f"({1e3 * best.widened.size:.1f} µm in each direction, from EXt, EYt and tolerances.runout): none of it is written, and "

@@ -204,7 +204,7 @@ class RealControl:
 
     def _start(self, kind: str, touches: Sequence[int]) -> PreflightPoint | None:
         """Nobody presses cycle start at night; None where nobody has to, or somebody is there, as a simulated control always is."""
-        return None if self.someone or self.simulated else starts(self.cell, self._address())
+        return None if self.someone or self.simulated else starts(self.cell, self._address(), self.settings.control_starts_within)
 
     def _left(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
@@ -316,7 +316,7 @@ class RealControl:
                 target,
                 False,
                 None,
-                start_patience(self.someone),
+                self.settings.control_starts_within or start_patience(self.someone),
                 None,
                 misses=misses_of(self.cell, post),
                 counted=counts(post),

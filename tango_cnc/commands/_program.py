@@ -17,10 +17,13 @@ from typing import Any, TextIO
 import click
 import numpy as np
 
-from ..compensate.fit import Known, known
-from ..compensate.space import limits_of, sample
+from ..compensate.fit import Known, known, rms
+from ..compensate.space import Poses, limits_of, sample
+from ..compensate.trusted import words_as_promised
+from ..compensate.unparted import unparted
 from ..estimate import Estimate
 from ..files.checked import plain
+from ..judgement import Judgement
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
 from ..nc.predict import Way, touched_of
@@ -135,8 +138,25 @@ def blamed(file: Path, language: ModuleType, given: str | None = None) -> Iterat
 
 def found_of(result: Estimate, command: str = "compensate", so: str = "there is nothing to compensate") -> Known:
     """estimate → what of it acts at a pose. Raises TangoError, by the command, where nothing does."""
+    return known(result, _touched(result), command, so)
+
+
+def _touched(result: Estimate) -> Poses:
+    """estimate → poses of what was touched."""
     touches = result.model.touches
-    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40), command, so)
+    return sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 64)
+
+
+def _trusted(result: Estimate, judgement: Judgement, *, despite: bool) -> dict[str, float]:
+    """estimate, what is to be thought of it, --despite → plain data of what no touch parts from the stylus; {} where S was turned.
+
+    Raises TangoError where something named makes wrong what the words would be moved by.
+    """
+    at = _touched(result)
+    if judgement.verdict == "doubtful" and not despite:
+        words_as_promised(found_of(result), result, {*judgement.untrusted} - {*dict(judgement.hidden)}, at)
+    stays = unparted(result, at)
+    return {} if stays is None else {"spindle_um": round(rms(np.linalg.norm(stays.levers, axis=1) * stays.size), 4)}
 
 
 def digest_of(found: Known) -> str:
@@ -157,8 +177,11 @@ def ends_of(file: Path) -> str:
         return "\r\n" if b"\r\n" in text.read(4096) else "\n"
 
 
-def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any]) -> dict[str, Any]:
-    """cell, estimate, program, options → plain data of what was done; the compensated program is written whole or not at all."""
+def program(cell: Cell, result: Estimate, judgement: Judgement, source: Path, options: dict[str, Any]) -> dict[str, Any]:
+    """cell, estimate, what is to be thought of it, program, options → plain data of what was done.
+
+    The compensated program is written whole or not at all.
+    """
     target: Path = options["out"]
     if options["target"] is not None:
         raise InputError("--target: found it beside a program; allowed: one of them: a table for the control, or a program")
@@ -170,6 +193,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         raise InputError(f"--chord: found {options['chord']:g}; allowed: 0.00001 to 1 mm")
     language = language_of(source, cell, options["language"])
     setup, found, account = setup_of(cell, options), found_of(result), Account()
+    stays = _trusted(result, judgement, despite=options["despite"])
     touched = touched_of(result.model.touches)
     settings = RewriteSettings(
         options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched
@@ -213,6 +237,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         "turning_rapids": account.turning,
         "turning_rapid_lines": account.turning_lines,
         **unstated(account),
+        **stays,
         "largest_before_um": round(account.before, 4),
         "largest_before_line": account.worst_block,
         "largest_after_um": round(account.after, 4),
@@ -236,9 +261,16 @@ def said(data: dict[str, Any]) -> str:
     )
     turning = _turning(data["turning_rapids"], data["turning_rapid_lines"])
     stand = "".join(f"{line}\n" for line in unstated_lines(data, "corrections"))
+    spindle = (
+        "NOTE: the spindle was never turned, so where it is may be the runout of the stylus: none of it is in the words, and about "
+        f"{data['spindle_um']:.1f} µm (rms, one standard deviation) stay beside the figures below. Touch with S turned by 180° "
+        "as well\n"
+        if "spindle_um" in data
+        else ""
+    )
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\n{given}{stand}{beyond}{turning}"
+        f"{more}\n{given}{stand}{beyond}{turning}{spindle}"
         f"tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
         f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"

@@ -25,7 +25,7 @@ from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..verify.apart import apart
 from . import _compensate, _program, _scales, _short_check, _sign_trial
-from ._beside import beside
+from ._beside import alone, beside, stated
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
 from ._handed import pasted, printed
@@ -39,6 +39,8 @@ ROWS = (
     "and compare them by --check"
 )
 path = click.Path(path_type=Path)
+OF_TABLES = ("set", "over", "volume", "present", "cap-mm", "cap-deg", "dry-run", "sign-trial", "tcp", "no-tcp")  # not of programs
+JUDGES = ("-C", "--readings", "--tcp", "--no-tcp", "--json")  # what acts with readings that judge a compensation
 
 
 def _list(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -57,8 +59,8 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), required=False, metavar="[PROGRAM]")
 @cell_option
 @click.option("--target", metavar="NAME", help="Control or file form; --list shows them.")
-@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
-@click.option("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
+@alone()("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
+@alone()("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Setting of the target; --facts shows them.")
 @click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv, else simulated.csv].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
@@ -70,10 +72,16 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--cap-deg", type=click.FloatRange(0, min_open=True), default=CAP_DEG, show_default=True, help="Largest change, deg.")
 @click.option("-o", "--out", type=path, metavar="DIR", help="Where files go [default: a new folder in compensations/].")
 @click.option("--dry-run", is_flag=True, help="Only says what would be written.")
-@click.option("--check", "checked", type=path, metavar="DIR", help="Compare the files of a compensation with what was written.")
-@click.option("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
-@click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
-@click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
+@alone("-C", "--json")(
+    "--check", "checked", type=path, metavar="DIR", help="Compare the files of a compensation with what was written."
+)
+@alone("-C")("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
+@alone(*JUDGES, "--terms", "--degree", "--turned", "--same-stylus", "--warmer", "--despite")(
+    "--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control."
+)
+@alone("-C", "-o", "--tcp", "--no-tcp", "--minutes", "--rows", "--same-stylus", "--json")(
+    "--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped."
+)
 @beside("--short-check")(
     "--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs."
 )
@@ -81,7 +89,9 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
     "--rows", is_flag=True, help="With --short-check: also touches that meet every row of a table that can be met."
 )
 @beside("--measured")("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
-@click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
+@alone("-C", "--reason")(
+    "--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason."
+)
 @beside("--rolled-back")("--reason", metavar="TEXT", help="With --rolled-back: why.")
 @click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
 @click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
@@ -91,9 +101,11 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @beside("--measured")(
     "--warmer", type=click.FloatRange(-50, 50), metavar="K", help="With --measured: than in the full run; where no readings say it."
 )
-@click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
+@alone("-C", "--json")("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
-@click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
+@alone(*JUDGES, "--after")(
+    "--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it."
+)
 @beside("--sign-of")("--after", type=path, metavar="FILE", help="With --sign-of: readings with the trial in the control.")
 @_program.setup_options("PROGRAM")
 @beside("PROGRAM")("--chord", type=float, default=0.001, show_default=True, help="With PROGRAM: chord error of arcs and parts, mm.")
@@ -148,13 +160,14 @@ def _checked(folder: Path, checked: Path, json_file: str | None) -> int:
 
 def _program_of(cell: Cell, options: dict[str, Any]) -> int:
     """cell, options → exit code: an NC program is compensated."""
+    if ignored := [name for name in OF_TABLES if stated(name)]:
+        raise InputError(f"--{ignored[0]}: found beside a PROGRAM, where it does nothing; allowed: without one, with --target")
     contained(cell.folder, options)
     options["of_no_machine"] = _consented(cell.folder, options)
-    result, _ = _estimate(cell, options)
-    data = _program.program(cell, result, options["source"], options)
+    data = _program.program(cell, *(found := _estimate(cell, options)), options["source"], options)
     if not write_json(options["json_file"], data):
         click.echo(_program.said(data))
-        _warmth(cell, result)
+        _warmth(cell, found[0])
     return 0
 
 
@@ -176,6 +189,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
+        hidden_by=dict(judgement.hidden),
     )
     if not options["dry_run"]:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]

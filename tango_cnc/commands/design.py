@@ -23,7 +23,7 @@ from ..judging import judged, traced
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
-from ._beside import stated
+from ._beside import alone, stated
 from ._common import Output, cell_option, dialect, json_option, write_json
 from ._handed import printed, typed
 from ._progress import Progress
@@ -48,6 +48,9 @@ class Finite(click.FloatRange):
         if not math.isfinite(found):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
         return found
+
+
+KNOWN = ("-C", "--readings", "--within", "--volume", "--terms", "--degree", "--json")  # what acts where nothing is chosen
 
 
 @click.command()
@@ -79,7 +82,7 @@ class Finite(click.FloatRange):
     metavar="FILE",
     help="For a check: readings of a check right after the full run, with the stylus still in the spindle; several are allowed.",
 )
-@click.option(
+@alone(*KNOWN, "--goal", "--minutes", "--again", "--stylus-within", "--despite")(
     "--judge",
     type=click.Path(path_type=Path, exists=True),
     metavar="FILE",
@@ -100,12 +103,14 @@ class Finite(click.FloatRange):
 @click.option(
     "--picture", type=Output(), metavar="FILE", help="What is known when, where touches are, the volume (.png .svg .pdf)."
 )
-@click.option(
+@alone("-o")(
     "--facets",
     metavar="BODY",
     help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1, table:WIDTH,DEPTH or mesh:FILE.stl.",
 )
-@click.option("--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would separate these two causes.")
+@alone("-C", "--terms", "--json")(
+    "--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would separate these two causes."
+)
 @click.option(
     "--terms", help="What is to be estimated, instead of S4 (volume, D, A, condition) or S3: S1 … S4 or a list, e.g. S3,EYX2."
 )

@@ -39,6 +39,7 @@ from .iso230 import thermal_of
 
 PLACE = "Understand 10"  # in the list of commands
 LEFT_OUT = ("single_touches", "copied_positions")  # mistakes that --exclude-outliers mends where there is no fit
+WIDER, ENOUGH = 2.0, 20  # times the stated repeatability, of so many degrees of freedom: no chance makes that
 GROUPS = 8  # of indexations, each predicted from the others: a fit of S4 takes a tenth of a second
 
 
@@ -260,15 +261,20 @@ def as_text(result: Estimate, figures: Sequence[str]) -> str:
         factor, unit = shown(p.unit)
         rows.append([name, f"{p.value * factor:.3f}", f"{p.std * factor:.3f}", f"{unit}, relative" if name in relative else unit])
     offsets = [p.value * 1e3 for p in result.facets.values()]
-    size = abs(result.residuals) * 1e3
+    size, stated = abs(result.residuals) * 1e3, result.model.touches.machine.probe.repeatability
     lines = [
         table(rows, "<>><"),
         "",
         f"unexplained |r|  max {size.max():.2f}  mean {size.mean():.2f}  rms {(size**2).mean() ** 0.5:.2f} µm",
         f"{len(size)} touches, {len(result.values)} unknowns, {result.dof} degrees of freedom, one touch scatters by "
-        f"{result.sigma * 1e3:.2f} µm (stated {result.model.touches.machine.probe.repeatability * 1e3:.2f})",
+        f"{result.sigma * 1e3:.2f} µm (stated {stated * 1e3:.2f})",
         f"condition number {result.condition_number:.4g}, of scaled columns {result.scaled_condition_number:.4g}",
     ]
+    if stated > 0 and (times := result.sigma / stated) > WIDER and result.dof >= ENOUGH:
+        lines.append(
+            f"the touches scatter {times:.1f} times as much as machine.yaml states for the probe; the standard deviations are of "
+            "this scatter. Look at stylus and probe. 'tango capability repeatability' measures what machine.yaml has to state"
+        )
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
     lines += [f"cannot be seen: {text}" for text in _unseen(result)]

@@ -251,11 +251,13 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
     if cell.controller is not None and cell.controller.port is not None:
+        from ..files.nightly import read_nightly
         from ._night_start import starts
 
         address_of(cell, None, dialect(cell).link)
-        if (never := starts(cell, cell.controller.port)) is not None:
-            raise InputError(f"--install: found port {never.found}; {never.do}. No timer was written")
+        begins = starts(cell, cell.controller.port, read_nightly(cell.folder).control_starts_within)
+        if begins is not None and not begins.passed:
+            raise InputError(f"--install: found port {begins.found}; {begins.do}. No timer was written")
     target = cell.folder / "nights" / "timer"
     who = getpass.getuser()
     written = units(kind, cell.folder.resolve(), at, cell.machine.name, "" if who == "root" else who)

@@ -12,7 +12,7 @@ from ..files.origin import current
 from ..judging import judged
 from ..records import InputError
 from ..report import pictures
-from ._beside import beside
+from ._beside import alone, beside
 from ._common import Output, ahead, cell_option, json_option
 from ._trust import despite_option, status
 from ._verify import Options, Verification, write_sphere
@@ -36,7 +36,9 @@ BALL = ("--sphere", "--write-sphere")
 @beside("--cmm")("--cmm-scale", is_flag=True, help="Fit a scale between machine and CMM as well, beside what the temperatures say.")
 @click.option("--sphere", "ball", is_flag=True, help="Predicted sphere test, from the estimate (and --world, if given).")
 @click.option("--sphere-cell", type=path, metavar="DIR", help="Sphere test measured: cell of the sphere with its readings.csv.")
-@click.option("--write-sphere", type=path, metavar="DIR", help="Write a cell that touches a sphere at the cell's indexations.")
+@alone("-C", "--sphere-at", "--sphere-diameter")(
+    "--write-sphere", type=path, metavar="DIR", help="Write a cell that touches a sphere at the cell's indexations."
+)
 @beside(*BALL)("--sphere-at", metavar="X,Y,Z", default="0,150,100", show_default=True, help="Its centre, mm, table frame.")
 @beside(*BALL)("--sphere-diameter", type=float, default=19.05, show_default=True, help="mm")
 @click.option("--volume", "volumetric", is_flag=True, help="Error of the tool tip over the working volume.")

@@ -19,7 +19,7 @@ from ..terms import Coefficient
 from ..touches import Touches
 from .promise import Figure, likely, mean, most, there, with_programs
 from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
-from .unparted import Unparted, Widened, wider
+from .unparted import Unparted, Widened, no_less, wider
 
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
@@ -60,6 +60,10 @@ class Known:
         """→ (p, p) r with r rᵀ = covariance."""
         values, vectors = np.linalg.eigh(self.covariance)
         return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
+
+    def doubted(self, sizes: Array) -> Known:
+        """(p,) by how much what no touch shows may move each: as likely by any part of it → as uncertain as that."""
+        return replace(self, covariance=self.covariance + np.diag(sizes**2 / 3))
 
     def draws(self, count: int, seed: int = 1) -> Array:
         """n → (p, n) deviations from the estimate, as uncertain as it is."""
@@ -202,11 +206,12 @@ def fit(
     program_increment: float = 0.0001,
     unseen: Array | None = None,
     spindle: Unparted | None = None,
+    doubts: Array | None = None,
 ) -> Fit:
     """what is known of the machine, what the control can hold, the control's present numbers → the best numbers.
 
     `unseen`: (h,) what the control takes away already and the readings do not contain. `spindle`: its place, where no touch parts
-    that from the runout of the stylus.
+    that from the runout of the stylus. `doubts`: (p,) by how much what no touch shows may move each coefficient.
     """
     exact, change = holds.numbers(found, present, unseen)
     levers, taken = holds.levers, holds.taken
@@ -228,16 +233,19 @@ def fit(
         with_programs(programs, program_increment),
         rms(holds.space @ (change - exact)),
     )
-    if spindle is None:
+    unsure = doubts is not None and bool(doubts.any())
+    if spindle is None and not unsure:
         return best
-    then, less = holds.now(found, unseen, spindle), holds.left(found, exact - change, spindle)
+    more, both = (found.doubted(doubts) if doubts is not None and unsure else found), no_less if spindle is None else wider
+    then, less = holds.now(more, unseen, spindle), holds.left(more, exact - change, spindle)
     widened = Widened(
-        wider(best.rms_before, mean(then)),
-        wider(best.rms_after, mean(less)),
-        wider(best.largest_before, most(then)),
-        wider(best.largest_after, most(less)),
-        wider(best.rms_program, with_programs(holds.by_program(found, spindle), program_increment)),
-        spindle.size,
+        both(best.rms_before, mean(then)),
+        both(best.rms_after, mean(less)),
+        both(best.largest_before, most(then)),
+        both(best.largest_after, most(less)),
+        both(best.rms_program, with_programs(holds.by_program(more, spindle), program_increment)),
+        0.0 if spindle is None else spindle.size,
+        tuple(c.name for c, size in zip(found.coefficients, doubts, strict=True) if size) if doubts is not None else (),
     )
     return replace(best, widened=widened)
 

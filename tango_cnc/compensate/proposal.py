@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..estimate import Estimate
+from ..kinematics import Slot
 from ..records import Array, InputError, Machine, TangoError
 from . import hidden, targets, whose
 from .fit import Fit, fit, holding, known, rms
 from .frame import said
 from .hidden import Present
 from .promise import Figure
-from .space import Held, Limits, limits_of, sample
+from .space import Held, Limits, Poses, limits_of, sample
 from .targets import Request
 from .unparted import SEEN, unparted
 
@@ -25,6 +26,7 @@ FORMAT = "tango-compensation/1"
 CAP_MM, CAP_DEG = 0.05, 0.01
 EVEN = 1e-9  # mm, deg: what adding decimal numbers leaves
 POSES = 1024
+COMMON = 1e-5  # mm/mm, of all linear axes
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Proposal:
     unseen: float  # µm rms over the volume that the control takes away and the readings do not contain
     pinned: tuple[str, ...] = ()  # places of centers and directions that keep their values, as no touch shows them
     not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
+    common_scale: float = 0.0  # µm rms over the volume that `COMMON` of it leaves, where no touch shows it; 0: they do
     doubts: tuple[str, ...] = ()  # whether the present values are those of this machine, in sentences
 
     @property
@@ -78,10 +81,12 @@ def propose(
     volume: Mapping[str, tuple[float, float]] | None = None,
     poses: int = POSES,
     tcp: bool | None = None,
+    hidden_by: Mapping[str, float] | None = None,
 ) -> Proposal:
     """estimate, target, its settings, the control's present numbers, volume → proposal.
 
     `tcp`: whether the readings were made with tool center point control; asked for where present numbers act with it only.
+    `hidden_by`: by label, by how much what no touch shows may move it, mm or rad: the promise contains it.
     Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
     """
     module = targets.load(target)
@@ -108,7 +113,7 @@ def propose(
                 f"--present: found {place!r}, which this target with these settings does not store; allowed: {_some(places)}. "
                 "Tables of other points cannot be added: give the same volume and settings as when they were written"
             )
-    doubts = whose.looked_at(there, held, request)
+    strange = whose.looked_at(there, held, request)
     now = {h.place: h.base for h in held} | dict(there.numbers)
     before = there.before(held)
     unseen = hidden.unseen(held, now, before)
@@ -116,7 +121,8 @@ def propose(
         hidden.asked(held, unseen)
     holds = holding(found, held, at, touches)
     unseen = np.where(holds.pinned, 0.0, np.zeros(len(held)) if tcp else unseen)
-    best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at))
+    doubts = np.array([(hidden_by or {}).get(result.selection.label(c.name), 0.0) for c in found.coefficients])
+    best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at), doubts=doubts)
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
@@ -124,7 +130,21 @@ def propose(
     said = over if not volume else "as given"
     not_shown = tuple(c.text for c in result.selection.unseen)
     pinned = tuple(h.place for h, kept in zip(held, holds.pinned, strict=True) if kept)
-    return Proposal(target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, doubts)
+    return Proposal(
+        target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, _common(result, at), strange
+    )
+
+
+def _common(result: Estimate, at: Poses) -> float:
+    """estimate, poses → µm rms that a common scale of `COMMON` makes; 0 where the touches show it.
+
+    Axes count from machine zero: far from it a scale also moves the centers against the touches.
+    """
+    if not result.selection.relative:
+        return 0.0
+    linear = at.machine.linear
+    moved = sum((at.slots[Slot(a, "motion")] * at.touches.axis(a)[:, None] for a in linear), np.zeros((len(at), 3)))
+    return rms(at.free(COMMON * moved.reshape(-1, 1))[:, 0])
 
 
 def _some(places: set[str]) -> str:
@@ -210,6 +230,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "unseen_um": round(proposal.unseen, 4),
         "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),
+        **({"common_scale_um": round(proposal.common_scale, 4)} if proposal.common_scale else {}),
         "promise": {
             "rms_before_um": figure(promised.rms_before),
             "rms_after_um": figure(promised.rms_after),

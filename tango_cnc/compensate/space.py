@@ -187,14 +187,15 @@ def turns_whole(machine: Machine, axis: str) -> bool:
     return axis in machine.rotary and (travel is None or travel[1] - travel[0] >= TURN - 1e-9)
 
 
-def knots_of_turn(limits: Limits, axis: str, points: int) -> tuple[Array, int]:
-    """volume, rotary axis, number → points of a table that cover it, rad, and how many of them a whole turn has.
+def knots_of_turn(limits: Limits, axis: str, points: int, most: int | None = None) -> tuple[Array, int]:
+    """volume, rotary axis, number → points of a table that cover it, rad, and how many of them a whole turn has (`most` at most).
 
     They are whole multiples of their distance, so that a table of any travel has the same ones in each of its turns. Not more
     than one for each place of the turn.
     """
     low, high = limits[axis]
     turn = math.ceil(TURN * (points - 1) / (high - low) - EDGE)
+    turn = turn if most is None else min(turn, most)
     step = TURN / turn
     first = math.floor(low / step + EDGE)
     count = min(math.ceil(high / step - EDGE) - first + 1, turn)

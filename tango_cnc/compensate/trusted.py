@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ..estimate import Estimate
 from ..records import TangoError
-from .fit import Fit, rms
+from .fit import Fit, Known, rms
 from .outcome import Outcome, Remeasured
+from .promise import DRAWS
+from .space import Poses
 
 HALF = 0.5  # of the sum of squares of all effects on the tool tip
 
@@ -54,6 +58,26 @@ def kept_as_promised(best: Fit, result: Estimate, wrong: Collection[str]) -> Non
             f"Then more would be left than {best.rms_after.value:.2f} µm ({best.rms_after.low:.2f} to "
             f"{best.rms_after.high:.2f}). Nothing was written. Mend the mistake and propose anew. Where you know that there "
             "is no mistake: --despite"
+        )
+
+
+def words_as_promised(found: Known, result: Estimate, wrong: Collection[str], at: Poses) -> None:
+    """what a program's words are moved by, estimate, labels that something named makes wrong, poses of what was touched → nothing.
+
+    Raises TangoError where these would move the tip by more than the scatter of the estimate does. Reversal is in no word.
+    """
+    levers = at.free(found.levers(at, still=True))
+    own = {c.name: rms(levers[:, j] * found.values[j]) for j, c in enumerate(found.coefficients)}
+    names = [name for name in own if result.selection.label(name) in wrong]
+    rows = [j for j, c in enumerate(found.coefficients) if c.name in names]
+    size = rms(levers[:, rows] @ found.values[rows]) if rows else 0.0
+    scatter = float(np.quantile(np.sqrt(np.sum((levers @ found.draws(DRAWS)) ** 2, axis=0) / len(at)), 0.975)) * 1e3
+    if size > scatter:
+        labels = _some([result.selection.label(name) for name in sorted(names, key=lambda name: -own[name])])
+        raise TangoError(
+            f"compensate: {size:.1f} µm of what the words would be moved by come from {labels}, and the mistake named above makes "
+            f"these wrong; the scatter of the estimate is up to {scatter:.2f} µm. Nothing was written. Mend the mistake and "
+            "compensate anew. Where you know that there is no mistake: --despite"
         )
 
 

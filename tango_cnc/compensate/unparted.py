@@ -39,14 +39,15 @@ class Unparted:
 
 @dataclass(frozen=True)
 class Widened:
-    """Figures of a `Fit` that contain what its touches could not part."""
+    """Figures of a `Fit` that contain what its touches could not part or show."""
 
     rms_before: Figure
     rms_after: Figure
     largest_before: Figure
     largest_after: Figure
     rms_program: Figure
-    size: float  # mm in each direction
+    size: float = 0.0  # mm in each direction, of the spindle
+    doubted: tuple[str, ...] = ()  # what no touch shows may move these, and the upper ends contain it
 
 
 def unparted(result: Estimate, poses: Poses) -> Unparted | None:
@@ -65,3 +66,8 @@ def unparted(result: Estimate, poses: Poses) -> Unparted | None:
 def wider(seen: Figure, drawn: Figure) -> Figure:
     """figure of what touches show, of what may be there → one that holds both: the spindle may stand right, too."""
     return Figure(max(seen.value, drawn.value), min(seen.low, drawn.low), max(seen.high, drawn.high))
+
+
+def no_less(seen: Figure, drawn: Figure) -> Figure:
+    """figure of what touches show, the same with what none of them shows → how much may be, besides; it need not be there."""
+    return Figure(seen.value, seen.low, max(seen.high, drawn.high))

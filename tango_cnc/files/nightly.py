@@ -19,7 +19,7 @@ RANGES = {  # key: lowest (0: above it) and highest number
     ),
     "false_alarm_nights": (10.0, 100_000.0),
 }
-FROM_ZERO = {"free_mb": 1e9, "warm_up_minutes": 600.0}  # key: highest number
+FROM_ZERO = {"free_mb": 1e9, "warm_up_minutes": 600.0, "control_starts_within": 3600.0}  # key: highest number
 SCHEMES = ("mailto", "http", "https", "mqtt", "mqtts", "apprise", "file")
 
 
@@ -41,6 +41,7 @@ class Nightly:
     warm_up_minutes: float = (
         0.0  # a colder machine runs the program of the night for so long at most, unjudged, before it is measured
     )
+    control_starts_within: float = 0.0  # s in which a control that starts the program by itself does; 0: a person starts it
     free_mb: float = 200.0
     late_hours: float = 36.0
     every_days: float = 1.0

@@ -221,7 +221,13 @@ def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     told = value(size, h.unit, std)
     if h.cause in ("facet", "pretravel", "scales"):
         name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
-        return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
+        early = h.cause == "pretravel" and size < 0
+        told = value(abs(size), h.unit, std, signed=False) if h.cause == "pretravel" else told
+        return (
+            size,
+            std,
+            texts()("changed.pretravel_early" if early else f"changed.{h.cause}", size=told, since=before.words, **name),
+        )
     same = alike(k.cell.machine, h.parameter)
     return size, std, changed(h.parameter, told, before.words, same, sizes_of(same, size, std))
 

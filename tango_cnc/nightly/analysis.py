@@ -237,10 +237,10 @@ class Nights(BeforeNight):
         assert readings is not None
         judged = NightDoubt("trustworthy")
         if self.judged is not None and result is not None:
-            judged = self.judged(*self._judgeable(kind, measured), result, kind, not u.first and not u.alarm)
+            judged = self.judged(*self._judgeable(kind, measured, u.after), result, kind, not u.first and not u.alarm)
         diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, u.alarm, judged):
-            diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
+            diagnosis, undiagnosed = attempted(self.diagnosed, self._triggering(self._cell(kind), u.after), readings)
         odd = not u.first and (u.alarm or judged.verdict != "trustworthy")
         inner = self._within(u.ahead, u.readings, u.tonight) if odd else None
         moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u)
@@ -414,9 +414,13 @@ class Nights(BeforeNight):
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell
 
-    def _judgeable(self, kind: str, measured: Measured) -> tuple[Cell, Readings]:
+    def _triggering(self, cell: Cell, after: State) -> Cell:
+        """cell, state after tonight → the cell with the probe as it triggers now: a change that was named explains its touches."""
+        return replace(cell, machine=parts.triggering(cell.machine, self.followed, after))
+
+    def _judgeable(self, kind: str, measured: Measured, after: State) -> tuple[Cell, Readings]:
         """→ a cell whose strategy is what was asked for tonight, and the readings with its numbers."""
-        cell, readings = self._cell(kind), measured.readings
+        cell, readings = self._triggering(self._cell(kind), after), measured.readings
         assert readings is not None
         if not measured.asked:
             return cell, readings

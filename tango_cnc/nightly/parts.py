@@ -11,9 +11,10 @@ import numpy as np
 from ..estimate import Estimate
 from ..history import Knowledge
 from ..model import Model, known, linearise
-from ..records import Array, Indexation, Readings, Strategy
+from ..records import Array, Indexation, Machine, Readings, Strategy
 from ..state import Frame, Named, Seen, State, Tonight, reopened
 from ..state.filter import sigma_of, unknown
+from ..state.frame import PRETRAVEL
 from ..state.naming import WARMER
 from ..texts import say
 from ..touches import from_readings
@@ -81,7 +82,7 @@ def _wide(named: Named) -> Array:
 def estimated(followed: Frame, readings: Readings, after: State, tonight: Tonight) -> Estimate:
     """frame, readings, state after tonight, its judgement → what is known now, as the estimate that every other stage reads."""
     whole = followed.model
-    touches = from_readings(whole.touches.machine, whole.touches.artefact, readings)
+    touches = from_readings(triggering(whole.touches.machine, followed, after), whole.touches.artefact, readings)
     model = Model(touches, whole.coefficients)
     places = [followed.place[name] for name in model.names]
     values = after.mean[places]
@@ -101,6 +102,12 @@ def estimated(followed: Frame, readings: Readings, after: State, tonight: Tonigh
         offsets,
         np.asarray(max(sigma, 1e-6) / uncertainty),
     )
+
+
+def triggering(machine: Machine, followed: Frame, state: State) -> Machine:
+    """machine, frame, state → the machine with the radius by which its probe triggers: that of the tip, less the pretravel."""
+    later = float(state.mean[followed.place[PRETRAVEL]])
+    return machine if later == 0 else replace(machine, probe=replace(machine.probe, tip_radius=machine.probe.tip_radius - later))
 
 
 def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:

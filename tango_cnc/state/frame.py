@@ -27,13 +27,14 @@ WANDER = {"location": 5e-4, "angle": 1e-6, "gain": 5e-7, "backlash": 1e-4, "styl
 # Standard deviation before anything was ever touched.
 WIDE = {"location": 1.0, "angle": 3e-3, "gain": 1e-3, "backlash": 0.1, "stylus": 3.0, "table": 1.0, "fixed": 0.0}
 WARM = {"mm": 3e-3, "rad": 3e-6, "": 1e-5}  # per K, once a change with temperature has been named
+PRETRAVEL = "pretravel"  # mm that the probe travels on more than machine.yaml has it: of every touch, balls too
 CLOSED = 1e-9  # of an unknown that is not followed yet: too little to matter, enough to have an inverse
 EXACT = 1e-5  # mm: what is added to a certificate's own uncertainty
 
 
 @dataclass(frozen=True)
 class Frame:
-    """p followed unknowns: those of the model, then temperature coefficients, then certificates."""
+    """p followed unknowns: those of the model, then temperature coefficients, certificates, and the pretravel of the probe."""
 
     selection: Selection
     names: tuple[str, ...]  # (p,)
@@ -105,9 +106,9 @@ def frame(touches: Touches, terms: Sequence[TermItem], degree: int = 3, warm: bo
         certificates["bar"] = touches.artefact.scale_bar.uncertainty
     return Frame(
         selection,
-        (*model.names, *(f"{model.names[i]}/K" for i in moved), *certificates),
-        (*units, *(f"{units[i]}/K" for i in moved), *["mm"] * len(certificates)),
-        (*families, *["fixed"] * (len(moved) + len(certificates))),
+        (*model.names, *(f"{model.names[i]}/K" for i in moved), *certificates, PRETRAVEL),
+        (*units, *(f"{units[i]}/K" for i in moved), *["mm"] * (len(certificates) + 1)),
+        (*families, *["fixed"] * (len(moved) + len(certificates) + 1)),
         np.array(moved, dtype=np.int64),
         certificates,
     )
@@ -140,6 +141,7 @@ def seen(followed: Frame, readings: Readings, mean: Array, reference: float | No
     gaps, jacobian = linearise(tonight, at)
     rows = np.zeros((len(touches), len(followed.names)))
     rows[:, places] = jacobian
+    rows[:, followed.place[PRETRAVEL]] = 1.0
     rows[:, base : base + q] = rows[:, followed.warm] * change[:, None]
     value = jacobian @ at - gaps
     number = touches.number

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy import linalg, special
@@ -17,7 +18,7 @@ from ..terms import SCALES
 from .by_warmth import rival
 from .changes import change_of
 from .filter import State, Tonight, per_kelvin, unknown
-from .frame import WARM, Frame
+from .frame import PRETRAVEL, WARM, Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
 ALIKE = 0.05  # share of a direction that the first cause cannot make, below which another one is the same
@@ -99,10 +100,8 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
         found.append(Hypothesis("stylus", "stylus", np.eye(p)[:, stylus], "mm", tuple("XYZ"[: len(stylus)])))
     if (table := _table(followed)) is not None:
         found.append(Hypothesis("table", "table", table, "mm", ("X", "Y", "Z")))
-    pretravel = np.zeros((p, 1))
+    found.append(Hypothesis("pretravel", "probe", unit(followed.place[PRETRAVEL]), "mm"))
     first = count
-    pretravel[first : first + len(model.touches.facets)] = -1.0
-    found.append(Hypothesis("pretravel", "probe", pretravel, "mm"))
     for j, facet in enumerate(model.touches.facets):
         found.append(Hypothesis("facet", f"facet {facet}", unit(first + j), "mm"))
     begin = first + len(model.touches.facets)
@@ -169,7 +168,40 @@ def name_change(
         return None
     if "temperature" in (found[0].hypothesis.cause, *found[0].instead):
         found = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state), not unknown(followed, state))
-    return _with_others(*found, seen, white, tonight)
+    return _shorter(_with_others(*found, seen, white, tonight), seen, white, tonight)
+
+
+def _shorter(story: Named, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named:
+    """story, hypotheses with their patterns, innovation, judgement → that of two backlashes where it is as whole and shorter.
+
+    Backlashes of X and Y of one size are a pretravel and a table beside it: of the causes one by one the pretravel is the best.
+    """
+    whole = len(story.all) == 1 and story.remains >= FAR
+    pairs = list(combinations([item for item in seen if item[0].cause == "backlash"], 2))
+    if whole or not pairs or all(one.hypothesis.cause != "pretravel" for one in story.all):
+        return story
+    other = max((_both(*pair, white, tonight) for pair in pairs), key=lambda two: two.told)
+    gain = _worth(other, len(white)) - _worth(story, len(white))
+    if gain > CLOSE:
+        return other
+    near = [one.hypothesis.parameter for one in other.all]
+    return replace(story, instead=(*story.instead, *near)[:4]) if gain > -CLOSE else story
+
+
+def _both(one: tuple[Hypothesis, Array], other: tuple[Hypothesis, Array], white: Array, tonight: Tonight) -> Named:
+    """two hypotheses of one direction with their patterns, innovation, judgement → the story of both."""
+    together = np.hstack([one[1], other[1]])
+    explained, size, std, rank = _fitted(together, white, tonight.scale)
+    alone = _fitted(one[1], white, tonight.scale)[0]
+    left = max(tonight.statistic / tonight.scale - explained, 0.0)
+    remains = float(special.chdtrc(len(white) - rank, left)) if len(white) > rank else 1.0
+    second = Named(other[0], size[1:], std[1:], explained - alone, explained - alone, remains, ())
+    return Named(one[0], size[:1], std[:1], alone, alone, remains, (), second)
+
+
+def _worth(story: Named, k: int) -> float:
+    """story, directions that the touches tell → what its causes explain, less the price of their directions."""
+    return story.told - float(np.log(k)) * sum(len(one.size) for one in story.all)
 
 
 def _but_for_warmth(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,6 +37,32 @@ HALVES = Fact(
 )
 
 
+@dataclass(frozen=True)
+class Turning:
+    """How a control counts a rotary axis that turns once round or more, and what its tables may be."""
+
+    endless: tuple[float, float]  # rad, rows of the file of an axis without travel: the control counts no further
+    most: int | None = None  # rows that a table may have
+
+    def ends(self, machine: Machine, axis: str) -> tuple[float, float]:
+        """machine, rotary axis → (2,) rad that the rows of its file cover."""
+        return machine.axis(axis).travel or self.endless
+
+    def knots(self, request: Request, axis: str, points: int) -> tuple[Array, int]:
+        """job, rotary axis, number → (n,) rad, points of a table over the volume, and how many a whole turn has.
+
+        Fewer than asked for where each of them comes more often over the travel than the file may have rows.
+        """
+        low, high = self.ends(request.machine, axis)
+        most = None if self.most is None else max(2, math.floor((self.most - 2) * TURN / (high - low)))
+        return knots_of_turn(request.limits, axis, points, most)
+
+
+MODULO = Turning((0.0, TURN))  # counts 0 to 360 degrees, and both ends are the same
+BOTH_WAYS = (-TURN, TURN)  # right for a control that counts 0 to 360 degrees and for one that counts on, up to a turn either way
+COUNTS_ON = "The tables of {axes} go from -360 to 360 degrees: turn no further. Beyond that their ends hold."
+
+
 def scale_of(machine: Machine, axis: str) -> float:
     """axis → what mm or rad are multiplied by for the control: 1 or 180/π."""
     return 1.0 if axis in machine.linear else DEGREES
@@ -51,30 +78,42 @@ def trims(
     senses: tuple[int, ...] = (0,),
     sign: int = 1,
     increment: float = 1e-6,
-    turning: bool = False,
+    turning: Turning | None = None,
 ) -> list[Held]:
     """job, table name, corrected axis, axis that it is read with, points → entries in mm or degrees.
 
-    `turning`: of an axis that can turn once round the table comes again with each turn; its file has the rows of `over_turns`.
+    `turning`: of an axis that can turn once round the table comes again with each turn; its file has the rows of `in_file`.
     """
     machine = request.machine
     unit = "mm" if out in machine.linear else "deg"
     at, turn = knots(request.limits, by, points), 0
     if turning and turns_whole(machine, by):
-        at, turn = knots_of_turn(request.limits, by, points)
+        at, turn = turning.knots(request, by, points)
     table = Table(name, Slot(out, "motion"), by, at, senses, unit, scale_of(machine, out), sign, increment, turn=turn)
     return tabulated(table, machine)
 
 
-def over_turns(request: Request, axis: str, entries: Sequence[Held], points: int) -> list[tuple[float, Held]]:
-    """job, rotary axis, entries of a table of it, points → (degrees, entry that holds there) over its travel, or 0 to 360."""
-    _, turn = knots_of_turn(request.limits, axis, points)
+def in_file(request: Request, axis: str, entries: Sequence[Held], points: int, turning: Turning) -> list[tuple[float, Held]]:
+    """job, axis, entries of a table of it in one sense, points → rows of its file: mm or degrees, and the entry that holds there.
+
+    Of an axis that can turn once round they cover its travel, or as far as the control counts.
+    """
+    if not turns_whole(request.machine, axis):
+        scale = scale_of(request.machine, axis)
+        return [(h.at * scale, h) for h in entries if h.at is not None]
+    _, turn = turning.knots(request, axis, points)
     first, step = entries[0].at, TURN / turn
     assert first is not None
     begin = round(first / step)
-    low, high = request.machine.axis(axis).travel or (0.0, TURN)
+    low, high = turning.ends(request.machine, axis)
     places = range(math.floor(low / step + EDGE), math.ceil(high / step - EDGE) + 1)
     return [(360.0 / turn * k, entries[in_turn(len(entries), turn, k - begin)]) for k in places]
+
+
+def counting_on(machine: Machine) -> list[str]:
+    """machine → a step for a person where rotary axes have no travel and tables of `BOTH_WAYS`; [] where they all have."""
+    axes = [a for a in machine.rotary if machine.axis(a).travel is None]
+    return [COUNTS_ON.format(axes=" and ".join(axes))] if axes else []
 
 
 def reversal(request: Request, place: str, axis: str, *, half: bool = False, sign: int = 1, increment: float = 1e-6) -> Held:
@@ -196,6 +235,11 @@ def position_errors(request: Request, increment: tuple[float, float]) -> list[He
                 )
             )
     return held
+
+
+def readout(machine: Machine, axis: str) -> Array:
+    """axis → (3,) mm, what X, Y and Z show with the spindle on its line, all axes at zero; of a head: from the spindle to it."""
+    return np.array(machine.axis(axis).point) - np.array(machine.spindle.point)
 
 
 def rows(held: Sequence[Held], table: str) -> list[Held]:

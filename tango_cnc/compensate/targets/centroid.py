@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ..space import Held
 from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
-from ._parts import rows, scale_of, tables, trims
+from ._parts import BOTH_WAYS, Turning, counting_on, in_file, rows, tables, trims
 
 TEXT = "Centroid CNC11, CNC12: cnc-?.tab, correction forward and reverse of each axis"
 SOURCE = "cncsnw.com, LaserComp"
@@ -27,6 +27,7 @@ OPTIONS = {
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
 }
 UNIT_BESIDE = True
+TURNING = Turning(BOTH_WAYS)
 check = any_machine
 derived = none_derived
 
@@ -45,6 +46,7 @@ def held(request: Request) -> list[Held]:
             senses=(1, -1),
             sign=int(request.options["sign"]),
             increment=1e-5,
+            turning=TURNING,
         )
     return result
 
@@ -55,13 +57,14 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
     for table in tables(held):
         entries = rows(held, table)
         half = len(entries) // 2
-        axis, first, last = entries[0].axis, entries[0].at, entries[half - 1].at
-        assert axis is not None and first is not None and last is not None
-        scale = scale_of(request.machine, axis)
-        step = (last - first) * scale / (half - 1)
+        axis, points = entries[0].axis, int(request.options["points"])
+        assert axis is not None
+        ups, downs = (in_file(request, axis, part, points, TURNING) for part in (entries[:half], entries[half:]))
+        first, last = ups[0][0], ups[-1][0]
+        step = (last - first) / (len(ups) - 1)
         unit = "MM" if axis in request.machine.linear else "DEG"
-        lines = [f"{axis} {first * scale:.6f} {last * scale:.6f} {step:.9f} {unit}"]
-        lines += [f"{numbers[u.place]:.5f} {numbers[d.place]:.5f}" for u, d in zip(entries[:half], entries[half:], strict=True)]
+        lines = [f"{axis} {first:.6f} {last:.6f} {step:.9f} {unit}"]
+        lines += [f"{numbers[u.place]:.5f} {numbers[d.place]:.5f}" for (_, u), (_, d) in zip(ups, downs, strict=True)]
         result[table] = "\r\n".join(lines) + "\r\n"
     return result
 
@@ -69,6 +72,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
+        *counting_on(request.machine),
         "Keep copies of cnc-?.tab of the control, and compare their layout with these files before you replace anything.",
         COMPARE,
         SIGN_TRIAL,

@@ -9,7 +9,21 @@ import numpy as np
 from ...records import InputError, Machine
 from ..space import Held
 from . import SIGN_TRIAL, Derived, Fact, Option, Request
-from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, tables, trims
+from ._parts import (
+    BOTH_WAYS,
+    HALVES,
+    Turning,
+    across,
+    centre,
+    counting_on,
+    in_file,
+    readout,
+    reversal,
+    rotary_order,
+    rows,
+    tables,
+    trims,
+)
 
 TEXT = "FANUC: parameters of the rotary axes (19700 ff.), zero of the dynamic fixture offset, pitch error, straightness, backlash"
 FIVE = "FANUC A-79348E p. 72-82, A-78712E p. 61-62"
@@ -20,7 +34,11 @@ FACTS = (
     Fact("straightness: four points a b c d of the moving axis with values, linear between them", "FANUC B-63522EN p. 222-223"),
     Fact("at most 128 points of pitch error; acts after power off and reference return", "FANUC B-63522EN"),
     Fact("two tilts of a rotary axis cannot be entered: squareness of rotary axes stays", FIVE, confirmed=False),
-    Fact("19700-19702: place of the rotary table, point A from machine zero", "memory", confirmed=False),
+    Fact(
+        "19700-19702: place of the rotary table, point A from machine zero: what X, Y, Z show with the spindle on it",
+        "memory",
+        confirmed=False,
+    ),
     Fact("pitch, straightness and backlash values are corrections: what is added to the command", "memory", confirmed=False),
     Fact(
         "pitch error is entered here as total values at points; many controls take the difference to the point before",
@@ -46,6 +64,7 @@ FACTS = (
         confirmed=False,
     ),
 )
+TURNING = Turning(BOTH_WAYS, most=128)
 WORK_OFFSETS = tuple(f"G{n}" for n in range(54, 60))
 UNIT_BESIDE = False
 OPTIONS = {
@@ -63,7 +82,7 @@ FIRST = {"A": 19700, "AB": 19703, "DE": 19709, "EF": 19712}
 
 
 def vectors(request: Request) -> dict[str, tuple[str, str]]:
-    """job → parameter group: axis that it leads to and axis that it leads from ('' the machine, 't' the tool)."""
+    """job → parameter group: axis that it leads to and axis that it leads from; '': machine zero, the spindle."""
     work, tool = rotary_order(request.machine)
     found: dict[str, tuple[str, str]] = {}
     if work:
@@ -71,7 +90,7 @@ def vectors(request: Request) -> dict[str, tuple[str, str]]:
     if len(work) == 2:
         found["AB"] = (work[1], work[0])
     if tool:
-        found["DE"] = (tool[-1], "t")
+        found["DE"] = (tool[-1], "")
     if len(tool) == 2:
         found["EF"] = (tool[0], tool[1])
     return found
@@ -116,10 +135,11 @@ def held(request: Request) -> list[Held]:
     for axis in centred(request):
         for c in range(3) if request.options["vectors"] == "yes" else across(machine, axis):
             place = f"centre of {axis}, {'XYZ'[c]}"
-            result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=machine.axis(axis).point[c]))
+            result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=float(readout(machine, axis)[c])))
     if request.options["tables"] == "yes":
         for axis in (*machine.linear, *machine.rotary):
-            result += trims(request, f"pitch {axis}", axis, axis, int(request.options["points"]), sign=sign, increment=1e-4)
+            points = int(request.options["points"])
+            result += trims(request, f"pitch {axis}", axis, axis, points, sign=sign, increment=1e-4, turning=TURNING)
             result.append(reversal(request, f"1851 of {axis}", axis, increment=1e-4))
         for by in machine.linear:
             for out in machine.linear:
@@ -133,11 +153,9 @@ def _written(request: Request, numbers: Mapping[str, float]) -> list[tuple[int, 
     machine, found = request.machine, []
 
     def place(axis: str) -> np.ndarray:
-        if axis == "":
+        if axis == "":  # machine zero is where the spindle stands with all axes at zero
             return np.zeros(3)
-        if axis == "t":
-            return np.array(machine.spindle.point)
-        point = point_of(machine, axis)
+        point = readout(machine, axis)
         return np.array([numbers.get(f"centre of {axis}, {c}", point[i]) for i, c in enumerate("XYZ")])
 
     for group, (to, start) in vectors(request).items():
@@ -160,7 +178,7 @@ def _zero(request: Request, numbers: Mapping[str, float]) -> dict[str, float]:
     if request.options["fixture_offset"] not in WORK_OFFSETS:
         return {}
     machine, axis = request.machine, turntable(request.machine)
-    return {"XYZ"[i]: numbers[f"centre of {axis}, {'XYZ'[i]}"] - machine.spindle.point[i] for i in across(machine, axis)}
+    return {"XYZ"[i]: numbers[f"centre of {axis}, {'XYZ'[i]}"] for i in across(machine, axis)}
 
 
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
@@ -179,10 +197,11 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
         lines = []
         for table in (t for t in tables(held) if t.startswith(("pitch", "straightness"))):
             lines.append(f"[{table}]")
-            for h in rows(held, table):
-                assert h.at is not None and h.axis is not None
-                scale = 1.0 if h.axis in machine.linear else 180 / np.pi
-                lines.append(f"{h.at * scale:.4f} {numbers[h.place]:+.4f}")
+            entries = rows(held, table)
+            by = entries[0].axis
+            assert by is not None
+            placed = in_file(request, by, entries, int(request.options["points"]), TURNING)
+            lines += [f"{at:.4f} {numbers[h.place]:+.4f}" for at, h in placed]
         lines.append("[backlash]")
         lines += [f"{h.place} = {numbers[h.place]:+.4f}" for h in rows(held, "reversal values")]
         result["compensation.txt"] = "\n".join(lines) + "\n"
@@ -194,8 +213,9 @@ def steps(request: Request) -> list[str]:
     result = ["Save all parameters and the pitch error data first.", SIGN_TRIAL]
     if request.machine.rotary and request.options["vectors"] == "yes":
         result += [
-            "Compare every N of vectors.nc with the value in the control: hundredths of a millimeter may differ. If "
-            "millimeters do, the zero of machine.yaml is another one: load nothing, and propose anew with --present.",
+            "Compare every N of vectors.nc with the value in the control: hundredths of a millimeter may differ. N19700 to N19702 "
+            "are what X, Y and Z show with the spindle on the center, all axes at zero. If millimeters differ, the control counts "
+            "from another zero: load nothing, and propose anew with --present.",
             "Allow parameters to be written, run vectors.nc, switch the power off and on.",
             "Write the same center wherever it is kept once more: post-processor, work offset that G54.2 turns about. "
             "One alone is an error.",
@@ -211,5 +231,6 @@ def steps(request: Request) -> list[str]:
         return result
     return [
         *result,
+        *counting_on(request.machine),
         "Enter compensation.txt in the pitch error and straightness pages, switch the power off and on, go to reference points.",
     ]

@@ -10,7 +10,7 @@ import numpy as np
 from ...records import Array
 from ..space import Held
 from . import COMPARE, SIGN_TRIAL, Derived, Fact, Option, Request, any_machine
-from ._parts import across, centre, point_of, reversal, rows, scale_of, tilt, trims
+from ._parts import BOTH_WAYS, Turning, across, centre, counting_on, in_file, point_of, reversal, rows, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
 NCK = "HEIDENHAIN MANUALplus 620 technical manual, p. 715-718"
@@ -40,6 +40,7 @@ OPTIONS = {
     "tables": Option("yes", "write .COM and .CMA", ("yes", "no")),
     "kinematics": Option("yes", "write entries for the kinematics description", ("yes", "no")),
 }
+TURNING = Turning(BOTH_WAYS, most=256)
 check = any_machine
 
 
@@ -49,9 +50,8 @@ def held(request: Request) -> list[Held]:
     if request.options["tables"] == "yes":
         for by in (*machine.linear, *machine.rotary):
             for out in (*machine.linear, *([by] if by in machine.rotary else [])):
-                result += trims(
-                    request, f"{by}.COM, column {out}", out, by, int(request.options["points"]), sign=int(request.options["sign"])
-                )
+                points, sign = int(request.options["points"]), int(request.options["sign"])
+                result += trims(request, f"{by}.COM, column {out}", out, by, points, sign=sign, turning=TURNING)
             result.append(reversal(request, f"{by}.COM, BACKLASH", by, sign=int(request.options["sign"])))
     if request.options["kinematics"] == "yes":
         for axis in machine.rotary:
@@ -68,12 +68,18 @@ def _column(value: float, back: float, *, own: bool) -> float:
     return value - (back / 2 if own else 0.0)
 
 
+def _column_of(request: Request, held: Sequence[Held], by: str, out: str) -> list[tuple[float, Held]]:
+    """job, entries, axis of a file, axis of a column → mm or degrees and the entry of each row; [] where it holds none."""
+    entries = rows(held, f"{by}.COM, column {out}")
+    return in_file(request, by, entries, int(request.options["points"]), TURNING) if entries else []
+
+
 def derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
     """job, entries, numbers → the own column of every .COM file."""
     machine, found = request.machine, {}
     for axis in (*machine.linear, *machine.rotary) if request.options["tables"] == "yes" else ():
         back, unit = numbers[f"{axis}.COM, BACKLASH"], "mm" if axis in machine.linear else "deg"
-        for i, h in enumerate(rows(held, f"{axis}.COM, column {axis}")):
+        for i, (_, h) in enumerate(_column_of(request, held, axis, axis)):
             found[f"{axis}.COM, NR {i}, column {axis} with half of BACKLASH"] = Derived(
                 _column(numbers[h.place], back, own=True), unit
             )
@@ -86,16 +92,15 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
     axes = (*machine.linear, *machine.rotary)
     if request.options["tables"] == "yes":
         for by in axes:
-            columns = {out: rows(held, f"{by}.COM, column {out}") for out in axes}
+            columns = {out: _column_of(request, held, by, out) for out in axes}
             first = columns[by]
             back = numbers[f"{by}.COM, BACKLASH"]
             lines = [f"BEGIN {by}.COM", "NR AXISPOS BACKLASH " + " ".join(axes)]
-            for i, h in enumerate(first):
-                assert h.at is not None
+            for i, (at, _) in enumerate(first):
                 # The own column has half of the reversal against BACKLASH: values for negative travel are the others' sum.
-                own = {out: numbers[columns[out][i].place] if columns[out] else 0.0 for out in axes}
+                own = {out: numbers[columns[out][i][1].place] if columns[out] else 0.0 for out in axes}
                 values = [f"{_column(value, back, own=out == by):+.6f}" for out, value in own.items()]
-                lines.append(f"{i} {h.at * scale_of(machine, by):+.6f} {back:+.6f} {' '.join(values)}")
+                lines.append(f"{i} {at:+.6f} {back:+.6f} {' '.join(values)}")
             result[f"{by}.COM"] = "\r\n".join([*lines, "[END]"]) + "\r\n"
         line = " ".join(f"{axis}.COM" for axis in axes)
         result["AXIS.CMA"] = "\r\n".join(["BEGIN AXIS.CMA", f"NR ACTIVE {' '.join(axes)}", f"0 * {line}", "[END]"]) + "\r\n"
@@ -128,6 +133,7 @@ def _description(request: Request, numbers: Mapping[str, float]) -> str:
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
+        *(counting_on(request.machine) if request.options["tables"] == "yes" else []),
         "Back up the .COM and .CMA files and the kinematics description first.",
         COMPARE,
         SIGN_TRIAL,

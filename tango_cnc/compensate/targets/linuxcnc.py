@@ -12,7 +12,7 @@ from ...kinematics import Slot
 from ...records import InputError, Machine
 from ..space import Held, Lever, by_slot
 from . import COMPARE, Fact, Option, Request, none_derived
-from ._parts import centre, rotary_order, rows, scale_of, tables, trims
+from ._parts import BOTH_WAYS, Turning, centre, counting_on, in_file, rotary_order, rows, scale_of, tables, trims
 
 TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins or xyzbc-trt-kins; parameters of matrixkins"
 SOURCE_COMP = "LinuxCNC docs/src/config/ini-config.adoc; src/emc/motion/usrmotintf.cc, command.c, control.c"
@@ -40,6 +40,7 @@ FACTS = (
 )
 KINEMATICS = ("auto", "trivkins", "matrixkins", "xyzac-trt-kins", "xyzbc-trt-kins", "5axiskins")
 UNIT_BESIDE = False
+TURNING = Turning(BOTH_WAYS, most=256)
 OPTIONS = {
     "kinematics": Option("auto", "kinematics module; auto: by the topology", KINEMATICS),
     "joints": Option("", "letters of the joints in order, e.g. XYZAC; default: X Y Z and the rotary axes"),
@@ -106,7 +107,8 @@ def held(request: Request) -> list[Held]:
     if request.options["comp"] == "yes":
         for letter in joints(request):
             table = f"joint_{joints(request).index(letter)}.comp ({letter})"
-            for h in trims(request, table, letter, letter, int(request.options["points"]), senses=(1, -1)):
+            points = int(request.options["points"])
+            for h in trims(request, table, letter, letter, points, senses=(1, -1), turning=TURNING):
                 assert h.at is not None
                 nominal = round(h.at * scale_of(machine, letter), 6)
                 result.append(replace(h, base=nominal))
@@ -151,11 +153,12 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
     for table in (t for t in tables(held) if t.endswith(")") and ".comp" in t):
         name, letter = table.split()[0], table[-2]
         entries = rows(held, table)
-        half = len(entries) // 2
-        lines = [
-            f"{up.base:.6f} {numbers[up.place]:.6f} {numbers[down.place]:.6f}"
-            for up, down in zip(entries[:half], entries[half:], strict=True)
-        ]
+        half, points = len(entries) // 2, int(request.options["points"])
+        ups, downs = (in_file(request, letter, part, points, TURNING) for part in (entries[:half], entries[half:]))
+        lines = []
+        for (place, up), (_, down) in zip(ups, downs, strict=True):
+            at = round(place, 6) + 0.0  # of an entry that comes again with each turn: its number there, and as much beside it
+            lines.append(f"{at:.6f} {at + numbers[up.place] - up.base:.6f} {at + numbers[down.place] - down.base:.6f}")
         result[name] = "".join(f"{line}\n" for line in lines)
         ini += [f"[JOINT_{joints(request).index(letter)}]", f"COMP_FILE = {name}", "COMP_FILE_TYPE = 0", ""]
     if ini:
@@ -174,6 +177,7 @@ def steps(request: Request) -> list[str]:
     result = ["Switch the machine off and end LinuxCNC.", COMPARE]
     if request.options["comp"] == "yes":
         result += [
+            *counting_on(request.machine),
             "Copy the .comp files into the folder of the configuration.",
             "Add the lines of compensation.ini to the [JOINT_n] sections of the .ini file, and take BACKLASH out of them.",
         ]

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...records import InputError
-from ..space import Held, turns_whole
+from ..space import Held
 from . import COMPARE, SIGN_TRIAL, Derived, Fact, Option, Request
-from ._parts import HALVES, across, centre, over_turns, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
+from ._parts import HALVES, MODULO, across, centre, in_file, point_of, reversal, rotary_order, rows, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
 IM9 = "SINUMERIK 840D sl Commissioning Manual IM9 12/2017, p. 572"
@@ -127,14 +127,14 @@ def held(request: Request) -> list[Held]:
         axes = (*machine.linear, *machine.rotary)
         points = int(request.options["points"])
         for axis in axes:
-            result += trims(request, f"ENC_COMP {axis}", axis, axis, points, sign=int(request.options["sign_enc"]), turning=True)
+            result += trims(request, f"ENC_COMP {axis}", axis, axis, points, sign=int(request.options["sign_enc"]), turning=MODULO)
         for by in axes:
             if by in machine.rotary and request.options["rotary_tables"] == "no":
                 continue
             for out in machine.linear:
                 if out != by:
                     sign = int(request.options["sign_cec"])
-                    result += trims(request, f"CEC {by} to {out}", out, by, points, sign=sign, turning=True)
+                    result += trims(request, f"CEC {by} to {out}", out, by, points, sign=sign, turning=MODULO)
         for axis in axes:
             result.append(reversal(request, f"MD32450 $MA_BACKLASH[0] of {axis}", axis))
     return result
@@ -151,7 +151,8 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
         if table.startswith(("CEC", "ENC_COMP")):
             by = entries[0].axis
             assert by is not None
-            ats, entries = _rows(request, by, entries)
+            placed = in_file(request, by, entries, int(request.options["points"]), MODULO)
+            ats, entries = [at for at, _ in placed], [h for _, h in placed]
             modulo = int(by in machine.rotary and machine.axis(by).travel is None)
             step = (ats[-1] - ats[0]) / (len(ats) - 1)
             frame = {"STEP": step, "MIN": ats[0], "MAX": ats[-1]}
@@ -178,15 +179,6 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
     if reversals := rows(held, "reversal values"):
         result["reversal.mpf"] = "".join(f"$MA_BACKLASH[0,{names[h.place[-1]]}]={numbers[h.place]:.6f}\n" for h in reversals)
     return result
-
-
-def _rows(request: Request, by: str, entries: Sequence[Held]) -> tuple[list[float], list[Held]]:
-    """job, axis, entries of a table of it → mm or degrees of the rows of the file, and the entry of each."""
-    if turns_whole(request.machine, by):
-        found = over_turns(request, by, entries, int(request.options["points"]))
-        return [at for at, _ in found], [h for _, h in found]
-    scale = scale_of(request.machine, by)
-    return [h.at * scale for h in entries if h.at is not None], list(entries)
 
 
 def _file(head: str, lines: Sequence[str]) -> str:
