@@ -367,3 +367,8 @@ def test_readings_of_the_time_after_a_compensation_are_not_taken_as_without_it(c
     with pytest.raises(InputError, match=r"--present: found none, and .*, which ended at .*, after compensation 1 had been noted"):
         raise run(*asked).exception or AssertionError
     assert run(*asked, "--despite").exit_code == 0
+    mine = mill / "mine.csv"
+    assert run("simulate", "-C", mill, "-o", mine, "--seed", 5).exit_code == 0
+    (mill / "mine.origin.json").unlink()
+    with pytest.raises(InputError, match=r"mine\.csv, and nothing beside it says when it was made; compensation 1 had been noted"):
+        raise run(*asked, "--readings", mine).exception or AssertionError

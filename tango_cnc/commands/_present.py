@@ -84,14 +84,19 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
 
 def _without(folder: Path, last: loop.Kept, readings: Path) -> None:
     """cell, compensation in its control, readings that somebody says were made without it → nothing. Raises InputError where they
-    ended after it had been noted as written."""
+    ended after it had been noted as written, and where nothing says when they were made.
+    """
     since = next(
         (e["utc"] for e in reversed(loop.history(folder)) if (e["compensation"], e["event"]) == (last.number, "written")), ""
     )
-    when = ended(readings) if since and readings.exists() else None
-    if when is not None and when[:19] > since[:19]:
+    if not since or not readings.exists():
+        return
+    when = ended(readings)
+    known = when is not None or loop.before(folder, last.record, rows(readings), None)
+    if not known or (when is not None and when[:19] > since[:19]):
+        made = f"which ended at {when}, after" if when is not None else "and nothing beside it says when it was made;"
         raise InputError(
-            f"--present: found none, and {readings}, which ended at {when}, after compensation {last.number} had been noted as in "
+            f"--present: found none, and {readings}, {made} compensation {last.number} had been noted as in "
             f"the control ({since}); allowed: --present {pasted(last.folder)} where it was in the control while they were made; "
             f"'tango compensate --rolled-back {last.number} --reason TEXT' where it had been taken out; --despite where it was "
             "switched off for this run"
