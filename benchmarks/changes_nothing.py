@@ -57,5 +57,11 @@ NOTHING: dict[tuple[str, str, str], str] = {
         "two bytes more of a piece that was searched already: a mark that is whole in it has been found"
     ),
     ("tango_cnc/check/solid.py", "3 - np.sqrt(5)", "(3) + (np.sqrt(5))"): "the same spiral the other way round",
+    ("tango_cnc/link/protocols/grbl.py", "self._since >= POLL", "(self._since) > (POLL)"): (
+        "a time that was added up: equal to a limit by chance alone"
+    ),
+    ("tango_cnc/check/collision.py", "normal @ body.normal.T >= ALIKE", "(normal @ body.normal.T) > (ALIKE)"): (
+        "a computed angle: equal to a limit by chance alone"
+    ),
     ("tango_cnc/readback/walk.py", "gap < AIR", "(gap) <= (AIR)"): "a computed distance: equal to a limit by chance alone",
 }

@@ -71,6 +71,21 @@ def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
 
 
+@pytest.mark.parametrize("part", RADIUS)
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+@pytest.mark.parametrize("ahead", [True, False])
+def test_a_box_at_either_end_of_the_way(part: str, beyond: float, ahead: bool) -> None:
+    """The way ends 11.5 mm in front of the facet, where a contact behind the stand-off sends the probe, and 5 mm inside it."""
+    (low, high), air = HEIGHT[part], HELD[part] + beyond
+    near = (11.5 if ahead else 5.0) + RADIUS[part] + air
+    x = (near, 300.0) if ahead else (-300.0, -near)
+    artefact = replace(FLOATING, obstacles=(Obstacle("box", (x[0], -50.0, low), (x[1], 50.0, high)),))
+    body = solid(artefact).obstacles[0]
+    assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
+    why = refusal(artefact)
+    assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
+
+
 @pytest.mark.parametrize("part", HELD)
 def test_a_box_right_at_the_distance_that_is_kept_is_not_too_near(part: str) -> None:
     """A probe along a wall with just that air is one that a person has drawn so."""

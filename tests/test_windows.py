@@ -235,6 +235,25 @@ def test_a_look_between_two_pieces_of_a_program_waits_for_nothing(
     assert port.read(0.0) == b"" and slept[0] < 0.01
 
 
+def test_a_read_waits_as_long_as_it_was_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyserial gives up after a slice; the silence that was asked for is longer."""
+    came, clock = [b"", b"", b"P1 H1", b"", b"", b"", b"", b""], [0.0]
+
+    class Slow(Com3):
+        in_waiting = 0
+
+        def read(self, size: int) -> bytes:
+            clock[0] += 0.5
+            return came.pop(0)
+
+    monkeypatch.setattr("tango_cnc.link.transport._port.os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr("tango_cnc.link.transport._port.time", SimpleNamespace(monotonic=lambda: clock[0], sleep=None))
+    monkeypatch.setattr(serial, "serial_for_url", lambda target, **settings: Slow([]))
+    port = open_port(parse("serial://COM3", dnc.OPTIONS))
+    assert port.read(2.0) == b"P1 H1" and clock[0] == 1.5
+    assert port.read(2.0) == b"" and clock[0] == 3.5
+
+
 def test_a_port_that_another_program_has_open_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(target: str, **settings: Any) -> None:
         raise serial.SerialException(f"could not open port {target!r}: PermissionError(13, 'Access is denied.', None, 5)")
