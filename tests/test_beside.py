@@ -42,7 +42,7 @@ def value(option: click.Option) -> tuple[str, ...]:
         return (str(kind.choices[0]),)
     if isinstance(kind, click.IntRange | click.FloatRange):
         return (str(1 if kind.min is None or kind.min < 1 else kind.min),)
-    return ("1",)
+    return ("1",) * option.nargs
 
 
 EVERY = [
@@ -101,7 +101,7 @@ def test_an_option_that_does_nothing_beside_a_stronger_one_is_refused(
     assert guarded(tango.main, stated, prog_name="tango", standalone_mode=False) == 2
     said = capsys.readouterr().err
     names = [max(each.opts, key=len) for each in (option, other)]
-    assert said.startswith("tango: --") and "found" in said and all(name in said for name in names), said
+    assert said.startswith("tango: -") and "found" in said and all(name in said for name in names), said
 
 
 def test_what_an_option_acts_beside_is_there() -> None:

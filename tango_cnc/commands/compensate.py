@@ -59,8 +59,8 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), required=False, metavar="[PROGRAM]")
 @cell_option
 @click.option("--target", metavar="NAME", help="Control or file form; --list shows them.")
-@alone()("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
-@alone()("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
+@alone("-C")("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
+@alone("-C")("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Setting of the target; --facts shows them.")
 @click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv, else simulated.csv].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")

@@ -103,7 +103,7 @@ KNOWN = ("-C", "--readings", "--within", "--volume", "--terms", "--degree", "--j
 @click.option(
     "--picture", type=Output(), metavar="FILE", help="What is known when, where touches are, the volume (.png .svg .pdf)."
 )
-@alone("-o")(
+@alone("-C", "-o")(
     "--facets",
     metavar="BODY",
     help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1, table:WIDTH,DEPTH or mesh:FILE.stl.",
