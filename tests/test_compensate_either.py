@@ -47,7 +47,9 @@ def test_a_wrong_answer_that_leaves_twice_as_much_is_refused(tcp: bool, tmp_path
         odds = likelier(kept, first("trunnion"), result, held, tcp=said)
         why = contradicted(kept, result, held, tcp=said, odds=odds)
         assert (odds > CERTAIN) is (said is tcp) and (odds < -CERTAIN) is (said is not tcp)
-        assert not why if said is tcp else "a thousand times likelier" in why and f"allowed: {'--tcp' if tcp else '--no-tcp'}" in why
+        assert (
+            not why if said is tcp else "a thousand times likelier" in why and f"allowed: {'--tcp' if tcp else '--no-tcp'}" in why
+        )
 
 
 def test_where_nothing_proves_the_answer_the_promise_holds_for_either(tmp_path: Path) -> None:

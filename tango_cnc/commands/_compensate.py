@@ -204,8 +204,8 @@ def _one_orientation(best: Fit) -> list[str]:
     if not best.widened.size:
         more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return [
-            f"the intervals contain by how much what no touch shows (a drift, a step) may move {', '.join(names[:LISTED])}{more}. "
-            f"Without that {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left"
+            f"the intervals contain by how much what no touch shows (a drift, a step), or a mistake that was named, may move "
+            f"{', '.join(names[:LISTED])}{more}. Without that {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left"
         ]
     return [
         "NOTE: the spindle was never turned, so where it is may be the runout of the stylus "

@@ -14,7 +14,7 @@ import click
 from ..compensate import as_json, capped, loop, propose, targets
 from ..compensate.outcome import Outcome, asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
-from ..compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting
+from ..compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting, wrong_by
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
@@ -191,7 +191,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
-        hidden_by=dict(judgement.hidden),
+        hidden_by=dict(judgement.hidden) if options["despite"] else wrong_by(result, judgement),
     )
     proposal = asked()
     if not options["dry_run"]:
