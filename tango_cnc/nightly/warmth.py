@@ -109,15 +109,15 @@ def _gone_by(alarm: Mapping[str, Any], night: str, recent: Sequence[Mapping[str,
 
 
 def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:
-    """alarm of a change with temperature, °C that count, whether a sensor says so tonight → the same as it is by now."""
+    """alarm of a change with temperature, °C that count, whether a sensor says so tonight → the same as it is by now: gone where
+    the machine is about as warm as before, and not where it is as far off the other way.
+    """
     then, kelvin = float(alarm["warmer"]["then"]), float(alarm["warmer"]["kelvin"])
     share = (now - then) / kelvin if kelvin else 1.0
     told = {"kelvin": f"{now - then:+.1f}", "now": f"{now:.1f}", "then": f"{then:.1f}"}
-    if share >= BACK:
-        return alarm | {
-            "now": say("night.sensors.warm_still" if believed else "night.sensors.warm_still_last", **told),
-            "confirmed": None,
-        }
+    if abs(share) >= BACK:  # as far off on the other side it is no machine as warm as before
+        key = f"night.sensors.warm_{'still' if share > 0 else 'other'}{'' if believed else '_last'}"
+        return alarm | {"now": say(key, **told), "confirmed": None}
     gone = say("night.sensors.warm_gone" if believed else "night.sensors.warm_gone_last", **told)
     left = {"now": gone, "total": float(alarm["size"]) * share}
     left |= {"confirmed": None, "ended": True}

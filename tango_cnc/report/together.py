@@ -129,11 +129,11 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """story, date of the last compensation → the oldest of its alarms, as all of them are told."""
     same = story.same
     open_since = [str(a["since"]) for a in same if a.get("since") and (not closed(a) or a.get("unmeasured"))]
-    gone = _gone(same) and not story.drifts
+    gone = _gone(same) and (not story.drifts or all(is_gone(a.get("now") or "") for a in same))
     first = {
         **same[0],
         "begun": min(open_since, default=same[0]["begun"]),
-        "drifts": story.drifts,
+        "drifts": story.drifts and not gone,
         "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
         "total": story.every,
         "typed": [a["id"] for a in same if a["id"] and not closed(a) and not any(_undoes(a, b) and _alike(a, b) for b in same)],
