@@ -115,7 +115,7 @@ def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
 
 @pytest.mark.parametrize("rest", [{}, {"now": "grows"}], ids=["gone", "one of two"])
 def test_a_drift_that_has_gone_back_is_no_drift_and_comes_before_no_knock(rest: dict[str, Any]) -> None:
-    """Its mail said "gone again: +0.5 µm is left", its page "Spindle, which drifts: have clamping, bearing and screws looked at"."""
+    """Its mail said "gone again: +0.5 µm is left", its page "Spindle, which drifts: have clamping and screws looked at"."""
     back = say("night.alarms.gone_again_left", told="+0.5 ± 0.5 µm")
     drift = step(2, -3.8, rate_per_day=-0.0019, total=0.0005, now=back)
     record = night("M", 4, "changed", standing=[drift, *([step(3, -3.7, rate_per_day=-0.0019) | rest] if rest else [])])
