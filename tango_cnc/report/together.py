@@ -254,6 +254,7 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float | None, u: Unit
     warm = first["cause_key"] == "temperature"
     key = "scatter_gone" if change(first["cause_key"]).scatters else "warm_gone" if warm else "gone_back"
     do = t("night.sensors.warm_gone_do" if warm else "night.gone_do")
+    do = t("night.sensors.went_with_do", **first["went_with"]) if first.get("went_with") else do
     key = f"morning.{key}" if rest else f"morning.{key}_only"
     told = {"text": f"{first['text']} {t(key, **sizes) if rest else t(key)}", "todo": shop(do, t), "office": office(do, t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
