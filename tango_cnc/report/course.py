@@ -1,9 +1,10 @@
-"""A curve of a trend → one sentence: steady, goes to and fro, rises or falls by how much a week, jumped by how much and when, and what of the limit.
+"""A curve of a trend → one sentence: what it does since when, by how much, and what of the limit.
 
-A jump is an alarm of a night, what a repair of one has put back, or what a compensation has taken away. A drift of an alarm
-has its words here, from the night before it on. What has moved since the last one counts from twice and a half what the two
-ends are known to, or what its steps from night to night make by chance. Where the last fortnight goes another way than all
-since then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
+It is steady or goes to and fro, rises or falls by so much a week, or has jumped. A jump is an alarm of a night, what a repair
+of one has put back, or what a compensation has taken away. A drift of an alarm has its words here, from the night before it
+on. What has moved since the last one counts from twice and a half what the two ends are known to, or what its steps from
+night to night make by chance. Where the last fortnight goes another way than all since then, the sentence is of the
+fortnight. No forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
