@@ -55,6 +55,7 @@ EVERY = [
 ]
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize(("words", "option"), EVERY)
 def test_an_option_that_does_nothing_alone_is_refused_alone(
     tmp_path: Path,
@@ -85,6 +86,7 @@ ALONE = [
 ]
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize(("words", "option", "other"), ALONE)
 def test_an_option_that_does_nothing_beside_a_stronger_one_is_refused(
     tmp_path: Path,

@@ -113,6 +113,18 @@ def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
     assert not back["drifts"] and "by +8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
 
 
+@pytest.mark.parametrize("rest", [{}, {"now": "grows"}], ids=["gone", "one of two"])
+def test_a_drift_that_has_gone_back_is_no_drift_and_comes_before_no_knock(rest: dict[str, Any]) -> None:
+    """Its mail said "gone again: +0.5 µm is left", its page "Spindle, which drifts: have clamping and screws looked at"."""
+    back = say("night.alarms.gone_again_left", told="+0.5 ± 0.5 µm")
+    drift = step(2, -3.8, rate_per_day=-0.0019, total=0.0005, now=back)
+    record = night("M", 4, "changed", standing=[drift, *([step(3, -3.7, rate_per_day=-0.0019) | rest] if rest else [])])
+    (found,) = faults(record, (), {}, Units(), texts())
+    assert bool(found["drifts"]) == bool(rest) and bool(found["gone"]) != bool(rest)  # one of its nights alone is not all of it
+    if not rest:
+        assert "It has gone back since: 0.5 µm of 3.8 µm is left." in found["text"] and "clamping" not in found["todo"]
+
+
 def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> None:
     """+20 µm of a change beside −93 µm in all: a man who corrects by the wrong one makes it worse."""
     said = texts()("part.turned", axis="C", angle="180", effect="40.0 µm")  # as nights wrote it before

@@ -67,6 +67,15 @@ def test_a_night_takes_no_program_that_waits_for_a_finger(cell: Cell) -> None:
     assert said.passed and "nothing proves the probe alive" in said.found
 
 
+def test_a_cell_that_is_the_folder_where_somebody_stands_has_a_name(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ "readings.csv of  found it +0.02 mm from the plan"."""
+    measured(cell, 0.1)
+    monkeypatch.chdir(cell.folder)
+    here = replace(cell, folder=Path())
+    assert "readings.csv of cell found it" in proves(here, golden()).found
+    assert "of cell" in proves(with_gate(here, "finger"), golden()).do
+
+
 def test_where_a_run_has_found_the_facet_only_the_setting_is_missing(cell: Cell) -> None:
     """ "measure once with a person at the machine", an hour after the whole run."""
     measured(cell, 0.1)

@@ -202,13 +202,20 @@ def test_a_compensation_keeps_its_date_where_the_night_of_an_alarm_is_dated() ->
     assert "on 2026-11-21" in instead(text, "2026-11-21", "the night ending 2026-11-22")
 
 
-def test_a_sensor_in_fahrenheit_from_its_first_night_is_named_and_believed_once_its_unit_is_right() -> None:
+@pytest.mark.parametrize(("unit", "per_kelvin", "zero"), [("°F", 1.8, 32.0), ("K", 1.0, 273.15)])
+def test_a_sensor_in_another_unit_from_its_first_night_is_named_and_believed_once_it_is_right(
+    unit: str, per_kelvin: float, zero: float
+) -> None:
     """69 "°C" were believed for 17 nights, and the right 19.6 °C for none: "no shop does that"."""
-    records = follow(*(read(bed=t * 1.8 + 32) for t in SHOP), read(bed=19.6), read(bed=20.1))
+    records = follow(*(read(bed=t * per_kelvin + zero) for t in SHOP), read(bed=19.6), read(bed=20.1))
     for r in reversed(records[2:]):
         assert doubts(r) == ["bed"] and "counts" not in r["sensors"]["bed"]
         text = told(r["sensors"], None, r["night"])["text"]
-        assert "is not believed: no machine is so warm at night (read in °F it would be" in text and "its unit" in text
+        assert (
+            "is not believed: no machine is so warm at night" in text
+            and f"(read in {unit} it would be" in text
+            and "its unit" in text
+        )
     assert not doubts(records[0]) and not doubts(records[1])
     before = [
         {"night": f"2026-10-{n:02d}", "temperatures": {"bed": dict.fromkeys(("mean", "first", "last"), 69.0)}} for n in (2, 1)

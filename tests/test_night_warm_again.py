@@ -72,6 +72,29 @@ def test_one_that_is_still_warm_says_how_warm() -> None:
     assert is_gone(as_warm_as([alarm], 18.0)[0]["now"])
 
 
+def test_an_error_that_went_back_with_the_temperature_asks_nobody_who_was_there() -> None:
+    """ "See whether it goes back with the temperature" was its order; then both were back, and "Ask who was at the machine"."""
+    gone = say("night.alarms.gone_again_left", told="+0.4 ± 0.3 µm")
+    alarm = {"cause": "axis_location", "size": -0.0038, "do": say("night.gone_do"), "now": gone}
+    alarm |= {"warmer": {"then": 22.0, "kelvin": -3.5, "celsius": 18.5}}
+    (back,) = as_warm_as([alarm], 22.5)
+    assert "about as warm as before it (22.5 °C, 22.0 °C then)" in back["do"] and "Ask who" not in back["do"]
+    assert as_warm_as([alarm], 19.0) == [alarm]  # it is still cold, and the error has gone all the same
+    assert as_warm_as([alarm], 22.5, False) == [alarm]  # no sensor says so tonight
+    still = alarm | {"now": say("night.alarms.still_there", told="-3.8 µm")}
+    assert as_warm_as([still], 22.5) == [still]
+
+
+@pytest.mark.parametrize("believed", [True, False])
+def test_one_that_is_as_far_off_on_the_other_side_has_not_gone(believed: bool) -> None:
+    """3.5 K colder, then 6 K warmer than usual: "gone again", and "about as warm as before, and 15 µm is left"."""
+    alarm = {"cause": "temperature", "size": 0.0137, "do": "Wait.", "warmer": {"then": 22.0, "kelvin": -3.5, "celsius": 18.5}}
+    (told,) = as_warm_as([alarm], 28.0, believed)
+    assert not is_gone(told["now"]) and "ended" not in told and told["do"] == "Wait."
+    assert "28.0 °C" in told["now"] and "+6.0 K from 22.0 °C before" in told["now"] and "off the other way" in told["now"]
+    assert is_gone(as_warm_as([alarm], 23.0, believed)[0]["now"])
+
+
 @pytest.mark.few(0)
 def test_parts_in_question_end_with_the_first_night_that_found_it_gone(mornings: list[dict[str, Any]]) -> None:
     """ "between 2026-11-16 … and the day on which it went back": that day was on record, and had no date."""

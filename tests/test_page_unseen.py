@@ -62,6 +62,8 @@ def scale(change: float, std: float, *, full: bool = True) -> dict[str, Any]:
 def test_what_is_no_more_than_its_own_uncertainty_is_neither_there_nor_another_size(change: float, std: float, told: str) -> None:
     assert str(scale(change, std)["now"]).startswith(told)
     assert shows(FOUND, change, std) == (not told.startswith("gone again") and change < 0)
+    known = abs(change) > 2 * std
+    assert ("confirmed" in str(scale(change, std)["now"])) == (told == "still there" and known)  # ± more than itself is none
 
 
 @pytest.mark.parametrize(("change", "way"), [(11.7, " the other way"), (-0.9, "")])

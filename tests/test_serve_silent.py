@@ -80,14 +80,20 @@ def test_many_databases_that_are_silent_hold_a_page_no_longer_than_one(
 
 
 def test_the_list_in_a_terminal_asks_them_at_once_too(tmp_path: Path, silent: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tango_cnc.history._database.PATIENT", 1.0)
-    monkeypatch.setattr("tango_cnc.history._database.SILENT", 2.0)
+    """Somebody waits there: a night may wait for two minutes, a list not."""
+    from tango_cnc.commands import fleet
+
+    assert fleet.PATIENCE < 30.0
+    monkeypatch.setattr(fleet, "PATIENCE", 1.0)
     every = [str(asks(cell(tmp_path / f"bad{i}", f"{BAD} {i}", []), f"history: {silent}{i}\n")) for i in range(8)]
     good = str(asks(cell(tmp_path / "good", GOOD, hit(GOOD))))
     began = time.monotonic()
     found = CliRunner().invoke(tango, ["fleet", good, *every], catch_exceptions=False)
     assert time.monotonic() - began < 6.0
     assert found.output.count("not in the list, as it cannot be read") == 8 and GOOD in found.output
+    monkeypatch.chdir(every[0])  # one cell alone
+    began = time.monotonic()
+    assert CliRunner().invoke(tango, ["fleet"]).exit_code and time.monotonic() - began < 6.0
 
 
 @contextmanager

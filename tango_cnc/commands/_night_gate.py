@@ -41,7 +41,7 @@ def proves(cell: Cell, made: Plan) -> PreflightPoint:
         advice = say("preflight.gate.state_gate_facet_under_controller", state=state)
         with suppress(InputError):  # no facet could prove it, or its readings cannot be read
             if (last := _last(cell, made)) is not None and abs(last.off) <= NEAR:
-                name, folder = last.file.name, last.file.parent.name
+                name, folder = last.file.name, last.file.resolve().parent.name
                 advice = say("preflight.gate.found_without_gate", state=state, facet=last.facet, name=name, name2=folder)
         return PreflightPoint("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
@@ -54,7 +54,7 @@ def proves(cell: Cell, made: Plan) -> PreflightPoint:
             "preflight.gate.facet_proves_probe_found_mm",
             facet=last.facet,
             name=last.file.name,
-            name2=last.file.parent.name,
+            name2=last.file.resolve().parent.name,  # of a cell that is "."
             off=f"{last.off:+.2f}",
         )
         advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")

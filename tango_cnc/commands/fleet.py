@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
+PATIENCE = 20.0  # s for which somebody at a terminal waits for a database that does not answer
 AT_ONCE = 64  # servers with a history that are asked at the same time
 NIGHTS = 14  # of the sparkline of the tool tip
 
@@ -155,7 +156,7 @@ def _rows(
             found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
             continue
         try:
-            with opened(place, create=False) as whole:
+            with opened(place, create=False, patience=PATIENCE) as whole:
                 found.extend(
                     _of_history(whole.as_of(lambda: datetime.fromisoformat(now)), place, known, late, now, t)
                 )  # those before an error stay
@@ -174,12 +175,12 @@ def _rows(
 
 
 def _not_answering(servers: Sequence[str]) -> dict[str | Path, str]:
-    """URLs of histories → those that cannot be read, and why: all are asked at once, as one that is silent takes two minutes."""
+    """URLs of histories → those that cannot be read, and why: all are asked at once, as one that is silent takes `PATIENCE`."""
     from ..history import opened
 
     def ask(where: str) -> str:
         try:
-            with opened(where, create=False) as history:
+            with opened(where, create=False, patience=PATIENCE) as history:
                 history.machines()
         except TangoError as error:
             return str(error)

@@ -1,8 +1,8 @@
 """Which temperature sensors of a night are not believed though they speak: one that leaves the others, or jumps as no shop does.
 
-A sensor in degrees Fahrenheit without a unit is a machine 45 K warmer; a cable that has come off is one of 0 °C. Whoever believes
-that reads of parts that differ by a tenth of a millimetre. What a sensor does by habit (a spindle that is hot or cold) is known
-from the nights before, and is no doubt.
+A sensor in degrees Fahrenheit without a unit is a machine 45 K warmer, one in kelvin 273 K; a cable that has come off is one of
+0 °C. Whoever believes that reads of parts that differ by a tenth of a millimetre. What a sensor does by habit (a spindle that is
+hot or cold) is known from the nights before, and is no doubt.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ HABIT = 3.0  # times as far as it goes in nine of ten nights: what lies within i
 OFTEN = 0.9
 LOOKED, LATELY = 30, 7  # records
 REFERENCE = 20.0  # °C (ISO 1): of two new sensors that contradict one is nearer to it
+KELVIN = 273.15  # K at 0 °C
 NEAR = 4.0  # K: a value in another unit that comes so near to what was expected has that unit
 
-SHOP = (55.0, 95.0)  # °F of a shop (13 … 35 °C): a machine of which every sensor says so much in °C has them in °F
+SHOP = {"°F": (55.0, 95.0), "K": (278.0, 318.0)}  # of a shop: a machine of which every sensor says so much in °C has that unit
 
 
 def in_doubt(
@@ -42,7 +43,7 @@ def in_doubt(
         for name, (j, habit) in jumps.items()
         if habit is not None and soon and abs(j) >= max(JUMPS, HABIT * habit)
     }
-    if _fahrenheit(said):
+    if _other_unit(said):
         doubts |= {name: {"why": "unit", "kelvin": j} for name, (j, habit) in jumps.items() if habit is None}
     left = [name for name in said if name not in doubts]
     apart = {(a, b): _apart(a, b, said, past) for a in left for b in left if a != b}
@@ -60,15 +61,22 @@ def in_doubt(
 
 
 def _said(record: Mapping[str, Any]) -> dict[str, float]:
-    """record → {sensor: °C} of those that were believed in that night; none where all were in °F: versions before believed them."""
+    """record → {sensor: °C} of those that were believed in that night; none where all have another unit: versions before believed
+    them.
+    """
     sensors = record.get("sensors") or {n: {"state": BELIEVED[0], **t} for n, t in (record.get("temperatures") or {}).items()}
     said = {n: float(s["mean"]) for n, s in sensors.items() if s.get("state") in BELIEVED and "mean" in s}
-    return {} if _fahrenheit(said) else said
+    return {} if _other_unit(said) else said
 
 
-def _fahrenheit(said: Mapping[str, float]) -> bool:
-    """{sensor: °C} of a night → whether every one of them is a shop in °F, and no machine in °C."""
-    return bool(said) and all(SHOP[0] <= value <= SHOP[1] for value in said.values())
+def _other_unit(said: Mapping[str, float]) -> str:
+    """{sensor: °C} of a night → the unit in which every one of them is a shop, where none is a machine in °C; else ''."""
+    return next((u for u, (low, high) in SHOP.items() if said and all(low <= value <= high for value in said.values())), "")
+
+
+def _celsius(value: float, unit: str) -> float:
+    """value, °F or K → °C."""
+    return (value - 32) / 1.8 if unit == "°F" else value - KELVIN
 
 
 def _jump(value: float, past: Sequence[float]) -> tuple[float, float | None]:
@@ -100,7 +108,8 @@ def sentence(name: str, s: Mapping[str, Any]) -> Said:
     """sensor, what it did → that it is not believed, and why, without a full stop."""
     told = {"name": name, "value": f"{s['mean']:.1f}", "kelvin": f"{s['kelvin']:+.1f}", "others": ", ".join(s.get("by") or ())}
     if s["why"] == "unit":
-        return say("night.sensors.doubted_unit", celsius=f"{(s['mean'] - 32) / 1.8:.1f}", **told)
+        unit = _other_unit({name: float(s["mean"])}) or "°F"
+        return say("night.sensors.doubted_unit", unit=unit, celsius=f"{_celsius(s['mean'], unit):.1f}", **told)
     why = s["why"] if s.get("by") else "jumped" if s["why"] == "jumped" else "alone"
     return joined("", (say(f"night.sensors.doubted_{why}", **told), _unit(s)))
 
@@ -108,7 +117,7 @@ def sentence(name: str, s: Mapping[str, Any]) -> Said:
 def _unit(s: Mapping[str, Any]) -> Said | str:
     """what a sensor did → the unit in which it would be right; '' where none is near."""
     if "counts" in s:
-        for unit, value in (("°F", (s["mean"] - 32) / 1.8), ("K", s["mean"] - 273.15)):
-            if abs(value - s["counts"]) < NEAR:
+        for unit in SHOP:
+            if abs((value := _celsius(s["mean"], unit)) - s["counts"]) < NEAR:
                 return say("night.sensors.other_unit", unit=unit, value=f"{value:.1f}")
     return ""

@@ -11,7 +11,7 @@ import numpy as np
 from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone, is_over, is_unseen, only_set_up, shows, size_of
+from ..report.tonight import UNSURE, is_gone, is_over, is_unseen, only_set_up, shows, size_of
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -226,7 +226,7 @@ def still(size: float, change: float, std: float, told: str, *, confirmed: bool)
     if abs(change - size) < slack:
         if not shows(size, change, std):
             return say("night.alarms.unseen", told=told)
-        return say(f"night.alarms.{'confirmed' if confirmed else 'still_there'}", told=told)
+        return say(f"night.alarms.{'confirmed' if confirmed and abs(change) > UNSURE * std else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 

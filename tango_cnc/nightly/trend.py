@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from ..records import Array
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, is_unseen
 from ..state import State
 from ..texts import joined, say
 from .alarms import Known
@@ -104,7 +104,7 @@ def looking_ahead(
     since = [r for r in records if r.get("parameters") and r.get("state") and r["night"] >= str(alarm["since"])][:LATELY]
     if place is None or not rate or not since or on_record(k, place, since[-1], after) is None:
         return alarm
-    if (still := _still(k, place, float(rate), since, after)) and not is_gone(alarm["now"]):
+    if (still := _still(k, place, float(rate), since, after)) and not (is_gone(alarm["now"]) or is_unseen(alarm["now"])):
         text = say("night.words.stands", since=still)
         return alarm | {"now": joined("; ", (alarm["now"], text)), "stands": still}
     if _slowed(k, place, float(rate), since, after):  # that it goes on so is not what these nights show

@@ -73,11 +73,12 @@ def as_warm_as(
     """alarms of other nights, °C that count (None: not known tonight), whether a sensor that is believed says so tonight (else one
     said it last), date of tonight, records newest first → the same; one of a change with temperature with how warm the machine is
     by now: nearer to the night before the alarm than to the alarm, it has gone again (`gone_by`: by which night first), and with
-    `total` what is left.
+    `total` what is left. One of an error that may have moved with the temperature, and has gone back with it, asks
+    nobody who was at the machine (`went_with`).
     """
     if now is None:
         return list(alarms)
-    told = [_as_warm_as(a, now, believed) if a["cause"] == TEMPERATURE and a.get("warmer") else a for a in alarms]
+    told = [(_as_warm_as if a["cause"] == TEMPERATURE else _went_with)(a, now, believed) if a.get("warmer") else a for a in alarms]
     return [a | {"gone_by": _gone_by(a, night, recent)} if a["cause"] == TEMPERATURE and a.get("ended") else a for a in told]
 
 
@@ -109,19 +110,30 @@ def _gone_by(alarm: Mapping[str, Any], night: str, recent: Sequence[Mapping[str,
 
 
 def _as_warm_as(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:
-    """alarm of a change with temperature, °C that count, whether a sensor says so tonight → the same as it is by now."""
+    """alarm of a change with temperature, °C that count, whether a sensor says so tonight → the same as it is by now: gone where
+    the machine is about as warm as before, and not where it is as far off the other way.
+    """
     then, kelvin = float(alarm["warmer"]["then"]), float(alarm["warmer"]["kelvin"])
     share = (now - then) / kelvin if kelvin else 1.0
     told = {"kelvin": f"{now - then:+.1f}", "now": f"{now:.1f}", "then": f"{then:.1f}"}
-    if share >= BACK:
-        return alarm | {
-            "now": say("night.sensors.warm_still" if believed else "night.sensors.warm_still_last", **told),
-            "confirmed": None,
-        }
+    if abs(share) >= BACK:  # as far off on the other side it is no machine as warm as before
+        key = f"night.sensors.warm_{'still' if share > 0 else 'other'}{'' if believed else '_last'}"
+        return alarm | {"now": say(key, **told), "confirmed": None}
     gone = say("night.sensors.warm_gone" if believed else "night.sensors.warm_gone_last", **told)
     left = {"now": gone, "total": float(alarm["size"]) * share}
     left |= {"confirmed": None, "ended": True}
     return alarm | left | ({"do": say("night.sensors.warm_gone_do")} if "do" in alarm else {})
+
+
+def _went_with(alarm: dict[str, Any], now: float, believed: bool) -> dict[str, Any]:
+    """alarm of an error on a machine that was warmer or colder, °C that count, whether a sensor says so tonight → the same; where
+    both have gone back it says so.
+    """
+    then, kelvin = float(alarm["warmer"]["then"]), float(alarm["warmer"]["kelvin"])
+    if not believed or not is_gone(alarm.get("now") or "") or abs(now - then) >= BACK * abs(kelvin) or "do" not in alarm:
+        return alarm
+    told = {"now": f"{now:.1f}", "then": f"{then:.1f}"}
+    return alarm | {"went_with": told, "do": say("night.sensors.went_with_do", **told)}
 
 
 def _explained(size: float, std: float, due: float) -> bool:

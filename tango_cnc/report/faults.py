@@ -182,7 +182,7 @@ def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known:
     """alarm, what the last night that measured says of it, that night → the same with what there is of it now."""
     if stands is None:
         return dict(a)
-    now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed", "ended", "gone_by")}
+    now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed", "ended", "gone_by", "went_with")}
     swings = {key: stands.get(key) for key in SWINGS} if stands.get("swing") else {}
     return in_the_past({**a, **now, "confirmed": _confirmed(stands, known), **swings})
 

@@ -129,11 +129,11 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """story, date of the last compensation → the oldest of its alarms, as all of them are told."""
     same = story.same
     open_since = [str(a["since"]) for a in same if a.get("since") and (not closed(a) or a.get("unmeasured"))]
-    gone = _gone(same) and not story.drifts
+    gone = _gone(same) and (not story.drifts or all(is_gone(a.get("now") or "") for a in same))
     first = {
         **same[0],
         "begun": min(open_since, default=same[0]["begun"]),
-        "drifts": story.drifts,
+        "drifts": story.drifts and not gone,
         "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
         "total": story.every,
         "typed": [a["id"] for a in same if a["id"] and not closed(a) and not any(_undoes(a, b) and _alike(a, b) for b in same)],
@@ -254,6 +254,7 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float | None, u: Unit
     warm = first["cause_key"] == "temperature"
     key = "scatter_gone" if change(first["cause_key"]).scatters else "warm_gone" if warm else "gone_back"
     do = t("night.sensors.warm_gone_do" if warm else "night.gone_do")
+    do = t("night.sensors.went_with_do", **first["went_with"]) if first.get("went_with") else do
     key = f"morning.{key}" if rest else f"morning.{key}_only"
     told = {"text": f"{first['text']} {t(key, **sizes) if rest else t(key)}", "todo": shop(do, t), "office": office(do, t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
