@@ -10,13 +10,13 @@ import pytest
 from support.compensated import example, first, measured, proposed, text, truth, write
 
 from sim_controller.compensation import read
-from tango_cnc.commands._with_tcp import switched_off
 from tango_cnc.compensate import as_json, loop, propose
 from tango_cnc.compensate.contradicted import contradicted
 from tango_cnc.compensate.either import CERTAIN, likelier
 from tango_cnc.compensate.hidden import of_record
 from tango_cnc.estimate import Estimate
 from tango_cnc.files.origin import write_origin
+from tango_cnc.program.tcp_off import switched_off
 from tango_cnc.records import Controller, World
 
 NOW = "2026-01-01T00:00:00Z"

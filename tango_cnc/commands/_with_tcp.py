@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ..compensate import loop
@@ -12,14 +11,12 @@ from ..compensate.either import CERTAIN, likelier
 from ..compensate.proposal import Proposal
 from ..estimate import Estimate, estimate
 from ..files import read_readings, read_terms
-from ..files.origin import by_no_machine, current, read_origin
+from ..files.origin import current
 from ..noise import honest
+from ..program.tcp_off import switched_off
 from ..records import Cell, InputError, TangoError
 from ._present import days_between, ended
 from ._short_check import as_then
-
-SWITCH = {"siemens": "trafoof", "heidenhain": "tcpm_reset"}  # options with which a program switches it off
-WORD = {"fagor": ("off", "RTCP"), "fanuc": ("reset", "G49"), "haas": ("reset", "G49")}  # options whose default has this word for it
 
 
 def as_answered(cell: Cell, result: Estimate, proposal: Proposal, last: Mapping[str, Any], options: dict[str, Any]) -> bool:
@@ -41,18 +38,6 @@ def as_answered(cell: Cell, result: Estimate, proposal: Proposal, last: Mapping[
     if why := contradicted(kept, result, proposal.held, tcp=tcp is not False, odds=CERTAIN if off else odds):
         raise InputError(f"--readings: found {readings}: {why}; --despite where the machine is really so")
     return off or tcp is None or (odds is not None and odds >= CERTAIN)
-
-
-def switched_off(cell: Cell, readings: Path) -> bool:
-    """cell, readings → whether they are on record as measured by a program of this project that switches it off."""
-    known = read_origin(readings) or {}
-    if cell.controller is None or by_no_machine(known) or not (known.get("run") or {}).get("program_hash"):
-        return False
-    post, stated = cell.controller.post, cell.controller.options
-    if post in SWITCH:
-        return stated.get(SWITCH[post], True) is not False
-    option, word = WORD.get(post, ("", ""))
-    return bool(option) and word in str(stated.get(option, word)).upper()
 
 
 def _full_run(cell: Cell, kept: loop.Kept, options: Mapping[str, Any]) -> Estimate | None:
