@@ -109,8 +109,8 @@ class Post:
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
     gate: Step | None = None  # the slow move before the first descent during which somebody touches the stylus
     memory: int = 0  # kB that a program may have where the profile states nothing; 0: it is never split for its size
-    # options → {number of an alarm that the program itself raises: its text}
-    alarms: Callable[[Mapping[str, Any]], Mapping[str, str]] = field(default=lambda options: {})
+    alarms: Callable[[Mapping[str, Any]], Mapping[str, str]] = field(default=lambda options: {})  # {number it raises: text}
+    tcp_off: tuple[str, str] = ("", "")  # option with which a program switches tool center point control off, word that it needs
     remedies: Remedies = field(default_factory=dict)  # belief of 'tango commission' → what of the control itself mends it
 
     def __post_init__(self) -> None:

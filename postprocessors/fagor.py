@@ -305,6 +305,7 @@ POST = Post(
     extension="NC",
     language="fagor",
     links=("file", "remote", "modbus"),
+    tcp_off=("off", "RTCP"),
     options=OPTIONS,
     summed=False,
     memory=512,

@@ -10,6 +10,7 @@ POST = Post(
     extension="nc",
     language="macro_b",
     links=("dnc", "file", "remote", "modbus"),
+    tcp_off=("reset", "G49"),
     options=settled(OPTIONS, "wait"),
     memory=512,
     remedies=FANUC,

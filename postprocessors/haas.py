@@ -14,6 +14,7 @@ POST = Post(
     extension="nc",
     language="macro_b",
     links=("dnc", "file", "remote", "modbus"),
+    tcp_off=("reset", "G49"),
     options=with_defaults(
         OPTIONS,
         probe_on="M59 P1134",

@@ -311,6 +311,7 @@ POST = Post(
     extension="H",
     language="klartext",
     links=("file", "remote", "lsv2", "modbus"),
+    tcp_off=("tcpm_reset", ""),
     options=OPTIONS,
     remedies=HEIDENHAIN,
     doubts=DOUBTS,

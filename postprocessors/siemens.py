@@ -402,6 +402,7 @@ POST = Post(
     extension="MPF",
     language="siemens",
     links=("file", "remote", "opcua", "modbus"),
+    tcp_off=("trafoof", ""),
     options=OPTIONS,
     memory=512,
     alarms=alarms,

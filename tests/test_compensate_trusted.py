@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pytest
 from support.compensated import example, first, text, truth, write
+from support.trust_parts import judged
 
 from sim_controller.compensation import read
+from sim_controller.simulate import simulate
 from tango_cnc.compensate import Proposal, as_json, propose
 from tango_cnc.compensate.loop import Kept
 from tango_cnc.compensate.outcome import Outcome, Remeasured, ran
 from tango_cnc.compensate.promise import Figure
-from tango_cnc.compensate.trusted import as_far_as_trusted, worth_acting
+from tango_cnc.compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting, wrong_by
 from tango_cnc.records import TangoError
 
 
@@ -89,6 +91,23 @@ def test_the_promise_contains_by_how_much_what_no_touch_shows_moves_a_center(tmp
     assert seen.high < left < promised.high < 10 * left
     assert "may move EY0C. Without that" in text(unsure) and "may move" not in text(plain)
     assert as_json(unsure)["promise"]["seen_after_um"]["high"] < as_json(unsure)["promise"]["rms_after_um"]["high"]
+
+
+def test_a_backlash_that_may_have_the_wrong_sign_is_in_the_promise(tmp_path: Path) -> None:
+    """dY with the other sign, 1 µm of backlash: 2.2 µm were left of a promise of 0.87 (0.47 to 1.93)."""
+    cell, world = example("trunnion")
+    world = replace(world, errors={**world.errors, "EYYb": 0.001})
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=7)
+    signs = [-1.0 if name == "Y" else 1.0 for name in readings.axes]
+    result, judgement = judged(cell, replace(readings, direction=readings.direction * signs), cell.terms, 3)
+    assert judgement.verdict == "doubtful" and "EYYb" in judgement.untrusted
+    doubts = wrong_by(result, judgement)
+    made = propose(result, "siemens", poses=256, hidden_by=doubts)
+    left = truth(cell, world, made, read(write(made, tmp_path / "c"), cell.machine))
+    kept_as_promised(made.fit, result, {*judgement.untrusted} - {*dict(judgement.hidden)})  # too small to be refused
+    assert made.fit.rms_after.high < left < made.fit.promised.rms_after.high < 3 * left
+    assert "a mistake that was named, may move EYYb" in text(made)
+    assert wrong_by(result, replace(judgement, verdict="trustworthy")) == dict(judgement.hidden)
 
 
 @pytest.mark.long

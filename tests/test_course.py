@@ -47,11 +47,24 @@ def test_a_steady_curve_is_called_steady_and_a_negative_value_counts_by_its_size
     assert wrong <= 10
     for nights in (5, 9, 16, 30):  # nor has more than one in four of a machine that wanders by three times what is known of it
         walks = 40.0 + np.cumsum(rng.normal(0, 0.3, (200, nights)), axis=1)
-        assert sum("Steady" not in said(walk, std=0.1) for walk in walks) <= 50, nights
+        assert sum(not said(walk, std=0.1).startswith(("Steady", "To and fro")) for walk in walks) <= 50, nights
     falling = -40.0 - 0.3 * DAYS  # its size grows
     assert "Falls by 2.1 µm a week" in said(falling, limit=52.0) and "until about Thu 3 Dec 2026" in said(falling, limit=52.0)
     assert "Too few nights" in said(np.array([40.0, 41.0])) and said(np.array([40.0])) == ""
     assert "It is the last of 2 jumps." in said(np.r_[np.zeros(5), np.full(5, 9.0), np.full(10, 18.0)], [(5, 9.0), (10, 9.0)])
+
+
+def test_what_swings_by_far_more_than_it_is_known_to_is_not_steady() -> None:
+    """5 µm of a drift in a swing of ± 2 µm, known to ± 0.2: "steady since 2 March"."""
+    rng = np.random.default_rng(11)
+    swing = 2.0 * np.sin(1.3 * DAYS) + rng.normal(0, 0.2, 30)
+    text = said(swing, std=0.2)
+    assert text.startswith("To and fro between −") and "no drift stands out" in text and "Steady" not in text
+    assert f"and {swing.max():+.1f} µm since Sat 24 Oct 2026" in text
+    jumped = np.r_[np.zeros(10), 20.0 + swing[10:]]
+    assert "Jumped by +20 µm" in said(jumped, [(10, 20.0)], std=0.2) and "since then to and fro between" in said(
+        jumped, [(10, 20.0)], std=0.2
+    )
 
 
 def test_jumps_are_the_alarms_of_nights_and_no_drift_is_one() -> None:

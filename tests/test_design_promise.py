@@ -19,8 +19,9 @@ from tango_cnc.design.balls import needed, unknowns
 from tango_cnc.design.enough import widened
 from tango_cnc.design.problem import Chosen
 from tango_cnc.design.propose import Setting, Wish
-from tango_cnc.design.proving import from_above, proving
+from tango_cnc.design.proving import from_above, proving, upright
 from tango_cnc.design.spare import used_up
+from tango_cnc.design.visits import provable
 from tango_cnc.estimate import estimate, student
 from tango_cnc.features import bar_left_out, completing, loose
 from tango_cnc.files import read_cell, read_world
@@ -129,6 +130,27 @@ def test_where_a_facet_proves_the_probe_one_is_touched_from_above() -> None:
     more = proving(problem, mask)
     assert more.sum() == 1 and above[more].all() and pose[more] == up
     assert not proving(problem, mask | more).any() and not proving(ready.problem, mask).any()
+
+
+@pytest.mark.long
+def test_a_plan_begins_with_a_tool_that_stands() -> None:
+    """With A at −90° the way to the first touch led 0.5 m down beside the table, with a probe that nothing had proven."""
+    _, ready = given("fork_head", "locations", 5)
+    problem = replace(ready.problem, gate="finger")
+    choice = problem.choice
+    stands, above = upright(choice), from_above(choice)
+    angle = np.abs([dict(i.position)["A"] for i in choice.cell.strategy.indexations])[choice.pose]
+    assert stands[angle < 0.1].all() and not stands[angle > 0.9].any() and stands.any()
+    lies, along = (int(choice.pose[np.flatnonzero(~stands & which)[0]]) for which in (~above, above))
+    up = int(choice.pose[np.flatnonzero(stands & above)[0]])
+    mask = np.isin(choice.pose, [lies, along, up])
+    for gate, first in (("none", lies), ("finger", up), ("facet", up)):
+        assert provable(replace(problem, gate=gate), mask, [lies, along, up])[0] == first
+    without = mask & (choice.pose != up)
+    assert provable(replace(problem, gate="finger"), without, [lies, along])[0] == lies  # it has no other
+    assert provable(replace(problem, gate="facet"), without, [lies, along])[0] == along
+    _, table = given("trunnion", "locations", 5)
+    assert upright(table.problem.choice).all()  # it is the table that turns
 
 
 def artefact() -> Artefact:

@@ -120,6 +120,7 @@ def text(proposal: Proposal) -> str:
             "<><",
         ),
         *_one_orientation(best),
+        *_either(best),
         *_worse(best),
         *([] if gains else ["compensating programs as well would take nothing more away"]),
         "",
@@ -198,11 +199,13 @@ def _one_orientation(best: Fit) -> list[str]:
     if best.widened is None:
         return []
     seen, names = best.rms_after, best.widened.doubted
+    if not best.widened.size and not names:
+        return []
     if not best.widened.size:
         more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return [
-            f"the intervals contain by how much what no touch shows (a drift, a step) may move {', '.join(names[:LISTED])}{more}. "
-            f"Without that {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left"
+            f"the intervals contain by how much what no touch shows (a drift, a step), or a mistake that was named, may move "
+            f"{', '.join(names[:LISTED])}{more}. Without that {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left"
         ]
     return [
         "NOTE: the spindle was never turned, so where it is may be the runout of the stylus "
@@ -210,6 +213,19 @@ def _one_orientation(best: Fit) -> list[str]:
         "all of it is in these intervals. For a tool that runs out as the stylus does, "
         f"{seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}) are left. Touch with S turned "
         "by 180° as well, and propose anew",
+    ]
+
+
+def _either(best: Fit) -> list[str]:
+    """fit → a sentence where nothing proves whether tool center point control was on in the readings."""
+    if best.widened is None or not best.widened.either:
+        return []
+    seen = best.rms_after
+    return [
+        "NOTE: nothing proves whether tool center point control was on in these readings, and the numbers differ by "
+        f"{best.widened.either:.2f} µm. The machine may as well have changed by that. If your answer is wrong, the larger figures "
+        f"above are left; if it is right, {seen.value:.2f} µm ({seen.low:.2f} to {seen.high:.2f}). For a proof measure again with "
+        "'tango run', whose programs switch it off, state --no-tcp, and compare 'now' of both proposals",
     ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..records import Cell, InputError
 from ._handed import pasted
 
 OWNER = re.compile(r"^\s*#\s*machine\s*[:=]\s*(\S.*)$", re.MULTILINE | re.IGNORECASE)
+DAY = 86_400.0  # s
 WANTED = (
     "a folder that 'tango compensate' has written, or a YAML file with a line `place: number` for every number of the "
     "control (--dry-run --json - lists places of a target)"
@@ -113,6 +115,13 @@ def contained(folder: Path, options: dict[str, Any], twice: str = "The program w
             f"{twice}. Nothing was written; allowed: readings made with the compensation in the control (--readings FILE), or "
             f"'tango compensate --rolled-back {kept.number} --reason TEXT' when it has been taken out"
         )
+
+
+def days_between(kept: loop.Kept, until: str | None) -> float:
+    """compensation, UTC of later readings (None: now) → days since it was proposed."""
+    begin = datetime.fromisoformat(str(kept.record["created_utc"]))
+    end = datetime.now(begin.tzinfo) if until is None else datetime.fromisoformat(until)
+    return (end - begin).total_seconds() / DAY
 
 
 def ended(readings: Path) -> str | None:

@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -44,12 +43,11 @@ from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import asks_for_a_finger, write_json
 from ._handed import pasted, printed
-from ._present import ended, rows, whose_is
+from ._present import days_between, ended, rows, whose_is
 from ._trust import told
 from .check import positioning_feed
 from .design import gate_of
 
-DAY = 86_400.0  # s
 HOUR = 60.0  # minutes: no short check takes longer
 
 
@@ -143,13 +141,6 @@ def _target_of(cell: Cell, kept: loop.Kept, coefficients: tuple[Any, ...]) -> tu
     return module, request, module.held(request)
 
 
-def _days(kept: loop.Kept, until: str | None) -> float:
-    """compensation, UTC of the check (None: now) → days since it was proposed."""
-    begin = datetime.fromisoformat(str(kept.record["created_utc"]))
-    end = datetime.now(begin.tzinfo) if until is None else datetime.fromisoformat(until)
-    return (end - begin).total_seconds() / DAY
-
-
 def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) -> tuple[Outcome, list[str]]:
     """cell, compensation, readings of a short check, options → outcome, places that act with TCP only."""
     cell = at_that_time(cell, file)
@@ -157,7 +148,7 @@ def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) 
     own = _check_of(cell, kept, few) or (file.parent if (file.parent / loop.CELL).exists() else cell.folder)
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
         printed(line, err=True)
-    asked = _asked(cell, kept, _days(kept, ended(file)), options)
+    asked = _asked(cell, kept, days_between(kept, ended(file)), options)
     places = switched(kept.record, asked.held)
     if places and options["tcp"] is None:
         raise InputError(neither(kept.number, places))
@@ -221,7 +212,7 @@ def by_place(
         return without_strays(found, None, result, held_of(cell, kept, result.model.coefficients))
     if found.verdict == "undecided":
         return found
-    asked = _asked(cell, kept, _days(kept, None), options)
+    asked = _asked(cell, kept, days_between(kept, None), options)
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = whole_outcome(found, asked, touches)
     return with_rows(without_strays(found, asked.before.result, result, asked.held), asked, touches)
@@ -247,7 +238,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
             f"--short-check: found compensation {number}, which is noted as {state}; allowed: one that is in the control. "
             "Propose it anew, where it is to come back"
         )
-    asked = _asked(cell, kept, _days(kept, None), options)
+    asked = _asked(cell, kept, days_between(kept, None), options)
     before, _ = promises(kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"], rows=bool(options.get("rows")))
     place = options["out"] or _free(cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}")
@@ -275,7 +266,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
 
 def turned(cell: Cell, kept: loop.Kept, text: str) -> tuple[Outcome, list[str]]:
     """cell, compensation, --turned → outcome, places that act with tool center point control only. Raises InputError."""
-    asked = _asked(cell, kept, _days(kept, None), {"tcp": True})
+    asked = _asked(cell, kept, days_between(kept, None), {"tcp": True})
     if not turn.alone(asked):
         raise InputError(
             f"--turned: found compensation {kept.number}, which changes tables as well; allowed: one of kinematics alone. For the "

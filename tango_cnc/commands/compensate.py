@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
 from ..compensate import as_json, capped, loop, propose, targets
-from ..compensate.contradicted import contradicted
 from ..compensate.outcome import Outcome, asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
-from ..compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting
+from ..compensate.trusted import as_far_as_trusted, kept_as_promised, worth_acting, wrong_by
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
@@ -31,6 +31,7 @@ from ._compensated import recorded
 from ._handed import pasted, printed
 from ._present import contained, ended, present, rows, whose_is
 from ._trust import despite_option, usable
+from ._with_tcp import as_answered
 
 PLACE = "Act 10"  # in the list of commands
 
@@ -181,7 +182,8 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     there, last = present(cell, options)
     simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
     result, judgement = _estimate(cell, options)
-    proposal = propose(
+    asked = partial(
+        propose,
         result,
         options["target"],
         (*_compensate.settings_of(last), *options["settings"]),
@@ -189,8 +191,9 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
-        hidden_by=dict(judgement.hidden),
+        hidden_by=dict(judgement.hidden) if options["despite"] else wrong_by(result, judgement),
     )
+    proposal = asked()
     if not options["dry_run"]:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
         worth_acting(proposal.fit, result, untrusted, options["despite"])
@@ -198,12 +201,8 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
             kept_as_promised(proposal.fit, result, {*judgement.untrusted} - {*dict(judgement.hidden)})
     if options["trial_of"] is not None:
         return _sign_trial.written(cell, proposal, result, options, _now(), simulated=simulated)
-    if last and not options["despite"]:
-        kept = loop.Kept(0, options["present"], dict(last))
-        if why := contradicted(kept, result, proposal.held, tcp=options["tcp"] is not False):
-            raise InputError(
-                f"--readings: found {current(folder, options['file'])}: {why}; --despite where the machine is really so"
-            )
+    if last and not options["despite"] and not as_answered(cell, result, proposal, last, options):
+        proposal = asked(proven=False)
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
         printed(_compensate.text(proposal))

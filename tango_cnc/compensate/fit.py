@@ -250,6 +250,27 @@ def fit(
     return replace(best, widened=widened)
 
 
+def covering(best: Fit, holds: Holding, found: Known, present: Mapping[str, float], unseen: Array, other: Array) -> Fit:
+    """fit, what the control can hold, what is known, its present numbers, (h,) what it takes away unseen by the answer about tool
+    center point control that was given, and by the other one → the same fit, whose promise holds whichever of both is true."""
+    exact, change = holds.numbers(found, present, unseen)
+    wrong = np.where(holds.pinned, 0.0, unseen - other)
+    now, left, seen = holds.now(found, other), holds.left(found, exact - change + wrong), best.promised
+    return replace(
+        best,
+        widened=Widened(
+            wider(seen.rms_before, mean(now)),
+            wider(seen.rms_after, mean(left)),
+            wider(seen.largest_before, most(now)),
+            wider(seen.largest_after, most(left)),
+            seen.rms_program,
+            0.0 if best.widened is None else best.widened.size,
+            () if best.widened is None else best.widened.doubted,
+            rms(holds.space @ wrong),
+        ),
+    )
+
+
 def not_shown(held: Sequence[Held], at: Poses) -> NDArray[np.bool_]:
     """entries, touches → (h,) centers and directions that no touch shows: the axis hardly turned, or the set-up takes them out.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..loaded import AS_SEEN, HELPS
-from ..records import Array
+from ..records import Array, Machine
 from . import unparted
 from .fit import Known, known, rms
 from .hidden import of_record, unseen
@@ -108,16 +108,19 @@ def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Rem
     `tcp`: the readings were made with tool center point control on. Without it a probing cycle sees the axes and not the
     control's kinematics: what the kinematics hold is then taken off the second estimate by calculation.
     """
-    machine = result.model.touches.machine
-    scale = {n: 1.0 if n in machine.linear else np.pi / 180 for n in kept.record["volume"]}
-    limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
-    at = sample(machine, limits)
+    at = poses_of(kept, result.model.touches.machine)
     now = known(result, at)
     told = _unseen(kept, held, at) if not tcp else np.zeros(3 * len(at))
     sees = [tcp or not h.tcp for h in held]
     columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, sees), _moved(kept, held, at, [not s for s in sees])]
     error, told, moved, hidden = at.free(np.stack(columns, axis=1)).T
     return Remeasured(at.free(now.levers(at)), error, told, moved, hidden, now)
+
+
+def poses_of(kept: Kept, machine: Machine) -> Poses:
+    """compensation, machine → poses of its volume."""
+    scale = {n: 1.0 if n in machine.linear else np.pi / 180 for n in kept.record["volume"]}
+    return sample(machine, {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()})
 
 
 def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:

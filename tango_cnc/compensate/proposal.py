@@ -14,7 +14,7 @@ from ..estimate import Estimate
 from ..kinematics import Slot
 from ..records import Array, InputError, Machine, TangoError
 from . import hidden, targets, whose
-from .fit import Fit, fit, holding, known, rms
+from .fit import Fit, covering, fit, holding, known, rms
 from .frame import said
 from .hidden import Present
 from .promise import Figure
@@ -82,11 +82,13 @@ def propose(
     poses: int = POSES,
     tcp: bool | None = None,
     hidden_by: Mapping[str, float] | None = None,
+    proven: bool = True,
 ) -> Proposal:
     """estimate, target, its settings, the control's present numbers, volume → proposal.
 
     `tcp`: whether the readings were made with tool center point control; asked for where present numbers act with it only.
-    `hidden_by`: by label, by how much what no touch shows may move it, mm or rad: the promise contains it.
+    `hidden_by`: by label, by how much what no touch shows may move it, mm or rad: the promise contains it. `proven`: whether `tcp`
+    is certain; where it is not, the promise holds for either.
     Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
     """
     module = targets.load(target)
@@ -120,9 +122,12 @@ def propose(
     if tcp is None:
         hidden.asked(held, unseen)
     holds = holding(found, held, at, touches)
-    unseen = np.where(holds.pinned, 0.0, np.zeros(len(held)) if tcp else unseen)
+    off = np.where(holds.pinned, 0.0, unseen)
+    unseen, other = (0 * off, off) if tcp else (off, 0 * off)
     doubts = np.array([(hidden_by or {}).get(result.selection.label(c.name), 0.0) for c in found.coefficients])
     best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at), doubts=doubts)
+    if not proven and off.any():
+        best = covering(best, holds, found, now, unseen, other)
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
@@ -241,6 +246,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
             "direction_before_urad": round(best.direction_before, 4),
             "direction_after_urad": round(best.direction_after, 4),
             "with_program_um": figure(promised.rms_program),
+            **({"either_um": round(best.widened.either, 4)} if best.widened is not None and best.widened.either else {}),
             **({} if best.widened is None else {SEEN[0]: figure(best.rms_before), SEEN[1]: figure(best.rms_after)}),
         },
         "coefficients": [

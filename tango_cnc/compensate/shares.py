@@ -186,8 +186,8 @@ def system(
     rows = np.hstack([rows, -np.ones((len(touches), 1)), -np.array(acts).reshape(len(parts), -1).T])
     covariance = np.zeros((rows.shape[1],) * 2)
     covariance[:p, :p] = before.result.covariance
-    wander = _wander(before)
-    covariance[np.arange(p), np.arange(p)] += wander**2
+    moved = wander(before)
+    covariance[np.arange(p), np.arange(p)] += moved**2
     q = len(columns)
     covariance[p, p] = before.grown**2
     units = {name: TABLE if name[1] in "XYZ" else TURN for name in PLACEMENT}
@@ -213,7 +213,7 @@ def _placed(model: Model) -> list[Coefficient]:
     return [setup_coefficient(name) for name in PLACEMENT if name not in known]
 
 
-def _wander(before: Before) -> Array:
+def wander(before: Before) -> Array:
     """→ (p,) standard deviations by which the unknowns of the full run may be others now, in their units.
 
     Axis locations, gains and backlashes as the nights take them; of an error motion, what it does to the touches.

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..estimate import Estimate
+from ..judgement import Judgement
 from ..records import TangoError
 from .fit import Fit, Known, rms
 from .outcome import Outcome, Remeasured
@@ -41,6 +42,16 @@ def worth_acting(best: Fit, result: Estimate, untrusted: Collection[str], despit
             f"compensate: most of the error comes of {_some(names)}, not to be trusted in these readings. Nothing was written. "
             "Mend what makes them doubtful (above) and measure again; --despite proposes it all the same"
         )
+
+
+def wrong_by(result: Estimate, judgement: Judgement) -> dict[str, float]:
+    """estimate, what is to be thought of it → {label: by how much it may be off, mm or rad} of what no touch shows, and of what a
+    mistake that was named makes wrong: by twice its value, as with the other sign."""
+    hidden = dict(judgement.hidden)
+    if judgement.verdict != "doubtful":
+        return hidden
+    values = {result.selection.label(c.name): v for c, v in zip(result.model.coefficients, result.values, strict=False)}
+    return {label: 2 * abs(float(values.get(label, 0.0))) for label in judgement.untrusted} | hidden
 
 
 def kept_as_promised(best: Fit, result: Estimate, wrong: Collection[str]) -> None:

@@ -48,6 +48,7 @@ class Widened:
     rms_program: Figure
     size: float = 0.0  # mm in each direction, of the spindle
     doubted: tuple[str, ...] = ()  # what no touch shows may move these, and the upper ends contain it
+    either: float = 0.0  # µm rms that the answer about tool center point control decides, where nothing proves it; 0: proven
 
 
 def unparted(result: Estimate, poses: Poses) -> Unparted | None:

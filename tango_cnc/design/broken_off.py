@@ -23,7 +23,7 @@ from .enough import believed, determined, serves
 from .in_a_row import POWER, smooth, stays, without_each
 from .on_the_way import on_the_way, visits_of
 from .problem import Chosen, Problem
-from .proving import from_above
+from .proving import beginnings
 from .relaxed import Rows
 from .senses import of_order
 from .sequence import DRIFT, FRACTIONS
@@ -68,11 +68,9 @@ class Parts:
         if choice.cell.machine.obstacles:
             times = known.remembered(poses, times)
         times, _ = known.priced(poses, times, problem.repeats > 0)
-        above = from_above(choice) if problem.gate == "facet" else np.ones(len(choice.rows), dtype=bool)
-        proves = [bool(above[own].any()) for own in touches]
-        return cls(
-            found, problem, visits, poses, touches, np.nan_to_num(times, nan=LONG), proves if any(proves) else [True] * len(proves)
-        )
+        begin = [[bool(one[own].any()) for own in touches] for one in beginnings(choice, problem.gate)]
+        proves = next((first for first in begin if any(first)), [True] * len(touches))
+        return cls(found, problem, visits, poses, touches, np.nan_to_num(times, nan=LONG), proves)
 
     @cached_property
     def since(self) -> list[Array]:

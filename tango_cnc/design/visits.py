@@ -17,7 +17,7 @@ from ..plan import attempt
 from ..records import Id, Indexation, InputError, Plan, Strategy
 from . import order
 from .problem import Chosen, Problem
-from .proving import from_above
+from .proving import beginnings
 from .sequence import sequence
 from .timed import judged
 from .ways import NOWHERE, reason
@@ -102,13 +102,11 @@ def _strategy(problem: Problem, mask: Mask, visited: Sequence[int], legs: order.
 
 
 def provable(problem: Problem, mask: Mask, visited: list[int]) -> list[int]:
-    """chosen touches, order of visits → the same, beginning where a facet is touched from above if the gate asks for one."""
-    if problem.gate != "facet":
-        return visited
-    proves = np.unique(problem.choice.pose[mask & from_above(problem.choice)])
-    for j in visited:
-        if j in proves:
-            return [j, *(other for other in visited if other != j)]
+    """chosen touches, order of visits → the same, beginning where the probe is best proven."""
+    for one in beginnings(problem.choice, problem.gate):
+        where = np.unique(problem.choice.pose[mask & one])
+        if (first := next((j for j in visited if j in where), None)) is not None:
+            return [first, *(other for other in visited if other != first)]
     return visited
 
 

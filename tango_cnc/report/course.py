@@ -1,9 +1,10 @@
-"""A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
+"""A curve of a trend → one sentence: what it does since when, by how much, and what of the limit.
 
-A jump is an alarm of a night, what a repair of one has put back, or what a compensation has taken away. A drift of an alarm
-has its words here, from the night before it on. What has moved since the last one counts from twice and a half what the two
-ends are known to, or what its steps from night to night make by chance. Where the last fortnight goes another way than all
-since then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
+It is steady or goes to and fro, rises or falls by so much a week, or has jumped. A jump is an alarm of a night, what a repair
+of one has put back, or what a compensation has taken away. A drift of an alarm has its words here, from the night before it
+on. What has moved since the last one counts from twice and a half what the two ends are known to, or what its steps from
+night to night make by chance. Where the last fortnight goes another way than all since then, the sentence is of the
+fortnight. No forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from .units import inches
 LEAST = 5  # nights since the last jump before anything is said of how it goes on: what wanders looks like a rate in fewer
 SURE = 2.58  # standard deviations of the difference of the ends (99 %)
 OTHER = 2.0  # times the rate of the whole stretch at which the sentence takes that of the last fortnight
+VARIES = 2.0  # times what a value is known to: what differs by more from night to night is not steady
 SEEN = 3.5  # standard deviations that a drift would have moved by, before it can be said to rest
 Jump = tuple[int, float]  # place in the series, size in its unit
 Known = tuple[Array, Array]  # (n,) values, (n,) standard deviations
@@ -192,12 +194,21 @@ def course(
     words = {"first": day(first + timedelta(days=float(days[start + begin if other else 0])), t)}
     words["rate"] = _short(abs(now if other else rate), unit)
     way = _way(now if other else rate, few)
+    if way == "steady" and float(np.std(value[start:])) > VARIES * float(np.median(std[start:])):
+        way = "varies"  # with a machine that swings with its hall a drift may hide in it
+    words |= {
+        key: _short(float(end), unit, signed=True) for key, end in (("low", value[start:].min()), ("high", value[start:].max()))
+    }
     if jumps:
         jumped = day(first + timedelta(days=float(days[start])), t)
         words |= {"date": jumped, "size": _short(jumps[-1][1], unit, signed=True), "count": str(len(jumps))}
         before = start - 1  # a jump has a night before it
         left = float(value[-1] - value[before])
-        gone = way in ("few", "steady") and not other and not shows(jumps[-1][1], left, float(np.hypot(std[before], std[-1])))
+        gone = (
+            way in ("few", "steady", "varies")
+            and not other
+            and not shows(jumps[-1][1], left, float(np.hypot(std[before], std[-1])))
+        )
         words["last"] = day(first + timedelta(days=float(days[-1])), t)
         told = t("course.jumped_back" if gone else "course.jumped_few" if other else f"course.jumped_{way}", **words)
         told = t("course.last_of", text=told, count=len(jumps)) if len(jumps) > 1 else told

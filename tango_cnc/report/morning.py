@@ -116,7 +116,7 @@ def context(
     stale = int(record.get("stale_nights") or 0) if old is None else old
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events, stale)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
-    told = _told(record, found, before, late, coming, stale, former, by_readings, u, t, machine)
+    told = told_of(record, found, before, late, coming, stale, former, by_readings, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began, within = _begun(told, found, record), within or told.after
@@ -174,7 +174,7 @@ def context(
     }
 
 
-def _told(
+def told_of(
     record: Mapping[str, Any],
     found: Sequence[Mapping[str, Any]],
     before: Mapping[str, Any] | None,
@@ -189,7 +189,7 @@ def _told(
 ) -> Answer:
     """record, what is wrong, last night that measured, date since when a night is missing, how soon a limit is reached, nights
     since the last measurement, what is said beside its nights, the answer of newer readings, units, texts, chain of axes →
-    whether parts may be made.
+    whether parts may be made: every page asks here.
     """
     waits, has = answered(found, record)
     told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, of_probe(found))

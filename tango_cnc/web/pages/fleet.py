@@ -17,18 +17,15 @@ from ...report.alarm import sentence, since_date, whole_sentence
 from ...report.answer import (
     NEWER,
     Answer,
-    answer,
-    by_newer,
     date_run_off,
     dates_cut_off,
     is_moving,
     measuring,
     of_no_night,
-    renamed,
 )
 from ...report.days import ago, day, spoken_days
-from ...report.faults import answered, does_now, earlier, faults, of_probe, settled, still_open, unclosed
-from ...report.morning import volumes_of, who_of
+from ...report.faults import does_now, earlier, faults, still_open, unclosed
+from ...report.morning import told_of, volumes_of, who_of
 from ...report.newer import NewerAnswer, newer_answer
 from ...report.orders import brief_of, orders, parts_first
 from ...report.pace import Ahead, ahead
@@ -312,25 +309,11 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
     if row.record is None:
         return of_no_night(row.machine.former, state.texts)
     late = next((n.night for n in row.nights if n.status == "complete"), state.texts("web.never"))
-    waits, has = answered(found, row.record)
-    axes = state.places.geometry(row.machine)
-    told = answer(
-        row.record,
-        state.units,
-        state.texts,
-        waits,
-        row.before,
-        axes,
-        late if row.standing is not None and row.standing.late else "",
-        has,
-        _ahead(row, state),
-        settled(found),
-        state.places.old(row.machine, measured_on(row.record, row.before)),
-        of_probe(found),
-    )
-    told = renamed(told, row.machine.former, state.texts)
-    no = newer_of(row)
-    return told if no is None else by_newer(told, no, state.units, state.texts, axes, row.before or row.record)
+    late = late if row.standing is not None and row.standing.late else ""
+    stale, ahead_of = state.places.old(row.machine, measured_on(row.record, row.before)), _ahead(row, state)
+    of_readings, axes = newer_of(row), state.places.geometry(row.machine)
+    beside = row.machine.former, of_readings, state.units, state.texts, axes
+    return told_of(row.record, found, row.before, late, ahead_of, stale, *beside)
 
 
 def newer_of(row: Row) -> NewerAnswer | None:
