@@ -107,7 +107,8 @@ def test_a_stylus_that_was_replaced_and_entered_is_named_first_with_a_way_on(cel
     changed = with_gate(read_cell(cell.folder), "facet")
     assert changed.machine.probe.length == length + 20
     said = proves(changed, plan(changed))
-    assert not said.passed and said.found.startswith(f"somebody has changed machine.yaml (probe.length {length:g} → {length + 20:g})")
+    what = f"somebody has changed machine.yaml (probe.length {length:g} → {length + 20:g})"
+    assert not said.passed and said.found.startswith(what)
     assert "tango locate" not in said.do and said.do.startswith("look first whether what was changed in machine.yaml is right")
     assert "gate: finger" in said.do and "'tango run'" in said.do and "gate: facet there again" in said.do
     assert as_found(changed, plan(changed), load("fanuc")).met == {}
