@@ -102,7 +102,7 @@ SHORT = {
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("name", "frame", "target"), [pytest.param(*c, marks=() if c in SHORT else pytest.mark.long) for c in CASES]
 )

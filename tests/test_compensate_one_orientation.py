@@ -58,7 +58,7 @@ def test_estimate_says_whatever_the_terms_are_that_the_two_are_one(terms: str | 
     assert "the spindle was never turned" in said and "S turned by 180°" in said
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("tcp", [True, False])
 def test_readings_of_a_changed_machine_that_fit_the_other_word_far_better_are_asked_for(tcp: bool, tmp_path: Path) -> None:
     """The machine has changed by 8 µm, so neither word leaves what was promised; --tcp, which is wrong, leaves thrice as much."""

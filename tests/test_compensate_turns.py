@@ -37,6 +37,7 @@ def turning(travel: str) -> tuple[Cell, World, Estimate]:
     return cell, world, measured(cell, replace(world, noise=0.0))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("travel", every(TRAVELS, 2))
 @pytest.mark.parametrize("target", every(TARGETS, 3, first=1))
 def test_a_table_corrects_a_place_at_each_of_its_positions(target: str, travel: str, tmp_path: Path) -> None:
@@ -77,6 +78,7 @@ def test_the_tables_of_a_sinumerik_cover_a_turn_or_the_travel(travel: str) -> No
     assert spread == pytest.approx({"endless": 360.0, "less": 340.0}.get(travel, 730.0), abs=50 if travel == "two turns" else 1e-6)
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("target", every(MOST, 3, first=2))
 def test_tables_of_a_few_degrees_have_no_more_rows_than_the_control_takes(target: str, tmp_path: Path) -> None:
     """Of a point every degree the file of two turns would have 730 rows."""

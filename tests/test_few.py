@@ -96,8 +96,8 @@ WHOLE = """
     grblhal_commission history_import hostile_texts iso230_exact iso230_reversal link_9600
     link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt
-    night_in_control night_within nightly_refusing_disk plan_long plausible_copied plausible_either
-    plausible_midway program_stylus run_simulated run_stylus serve_abuse serve_attacks
+    night_in_control night_within nightly_refusing_disk night_scatter plan_long plausible_copied plausible_either
+    plausible_midway program_stylus repeated_varies run_simulated run_stylus serve_abuse serve_attacks
     serve_browser serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage
     uncertainty_fleet
 """

@@ -53,7 +53,7 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return answers
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("words", [("locate",), ("commission", "--touch"), ("run",), ("commission",)], ids=" ".join)
 def test_what_to_do_at_the_control_is_said_after_the_question_whether_to_start(
     cell: Path, capsys: pytest.CaptureFixture[str], at_a_terminal: list[str], words: tuple[str, ...]
@@ -123,7 +123,7 @@ def test_a_plan_for_another_post_says_what_has_to_be_stated_before_it_can_run(
     assert first in capsys.readouterr().err
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("port", "whole"),
     [

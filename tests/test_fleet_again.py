@@ -121,6 +121,7 @@ def test_a_last_night_of_days_ago_is_named_by_its_date(tmp_path: Path) -> None:
     assert "since last night" in flat["new"]
 
 
+@pytest.mark.few(0)
 def test_what_cannot_be_estimated_again_is_refused(root: Path, tmp_path: Path) -> None:
     cell = root / "examples" / "trunnion"
     with pytest.raises(InputError, match="two cells"):

@@ -144,6 +144,7 @@ def test_commands_that_results_hand_out_are_whole(
     assert {"check", "estimate", "plan", "history", "journal"} <= {*handed}, handed
 
 
+@pytest.mark.few(0)
 def test_a_source_that_names_a_command_hands_it_out_whole() -> None:
     """A new sentence with a command in it goes through `whole`, or is raised, which makes it whole as well."""
     found = []

@@ -141,6 +141,7 @@ def test_a_knock_after_a_kept_compensation_is_not_settled_by_it() -> None:
     assert "have the compensation written" in found[0]["todo"] and "accept" in found[1]["office"]
 
 
+@pytest.mark.few(0)
 def test_what_happened_since_the_night_is_said_beside_it() -> None:
     """Rolled back, and no night yet: the page does not ask to measure what is gone, and gives no whole error of before."""
     record = at(4, -8.0, 2.0, alarms=[written(4, 20.0, 2)], in_control=OPEN)

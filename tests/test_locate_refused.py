@@ -59,6 +59,7 @@ def test_what_was_found_before_is_set_aside(
     assert f"nothing was met at {made.touches[2].facet}. Measure the place of the table with a rule" in said
 
 
+@pytest.mark.few(0)
 def test_a_second_find_keeps_the_first(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = locate.strategy(read_cell(cell))
     measured(monkeypatch, touched(made))
@@ -112,6 +113,7 @@ def test_with_a_touch_missing_no_table_is_taken_for_less_exact(tmp_path: Path, c
     assert not (cell / "locate" / "artefact.yaml").exists()
 
 
+@pytest.mark.few(0)
 def test_only_touches_that_met_something_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A touch that met nothing stood among those by which facets are known, and sides seen."""
     cell = tmp_path / "cell"
@@ -180,7 +182,7 @@ def _larger(table: Artefact, by: float) -> Artefact:
     return replace(table, facets={k: replace(f, point=tuple(by * x for x in f.point)) for k, f in table.facets.items()})
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("sides", "apothem", "aside"), [(6, 155, 58), (8, 190, 45), (5, 170, 70)])
 def test_where_no_facets_tell_the_size_the_table_is_not_placed_until_somebody_states_it(
     sides: int, apothem: float, aside: float

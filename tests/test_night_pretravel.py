@@ -86,13 +86,14 @@ def test_what_the_machine_does_keeps_its_name(example: str, more: Mapping[str, A
     assert np.isclose(after.mean[known(example)[0].place["pretravel"]], 0.0, atol=1e-6)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("example", ["trunnion", "fork_head"])
 def test_backlashes_of_one_size_are_named_in_place_of_a_ball(example: str) -> None:
     found, _ = night(example, read(example, 8, EXXb=0.008, EYYb=0.008))
     assert {one.hypothesis.parameter for one in found.all} == {"EXXb", "EYYb"}
 
 
+@pytest.mark.few(0)
 def test_small_ones_stand_beside_the_ball_that_does_the_same() -> None:
     """On the fork head a ball and a backlash of Z do nearly what these two do."""
     found, _ = night("fork_head", read("fork_head", 8, EXXb=0.0025, EYYb=0.0025))

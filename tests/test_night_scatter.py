@@ -59,6 +59,7 @@ def test_a_repair_is_measured_by_a_probe_that_scatters_as_far_as_that_goes(root:
         assert not machine and abs(helped["size"]) < 4 * helped["std"] and "in part" not in record["headline"]
 
 
+@pytest.mark.few(0)
 def test_a_probe_that_scatters_is_one_alarm_until_the_first_sound_night_and_no_machine_that_has_changed(
     root: Path, tmp_path: Path
 ) -> None:

@@ -258,6 +258,7 @@ def test_the_pages_say_which_parts_the_no_of_newer_readings_is_about_and_what_mo
     assert f"What changed C axis off in Y: −18 µm by the readings of the report; the night ending {date} has 2 µm." in page
 
 
+@pytest.mark.few(0)
 def test_below_the_no_of_newer_readings_the_curve_of_the_nights_is_not_that_of_today(tmp_path: Path) -> None:
     """Steady. Within its limit of 60 µm, and No above it."""
     place, date = within_night(tmp_path / "one"), day(night(M, 8)["night"], texts())

@@ -31,6 +31,7 @@ def beyond(folder: Path) -> Path:
     return measured(folder, "yes", 50.0, False, verdict="out_of_limits", limits=limits, alarms=[alarm])[0]
 
 
+@pytest.mark.few(0)
 def test_a_no_says_beside_newer_readings_of_a_plain_yes_that_it_stays_and_until_when(tmp_path: Path) -> None:
     """238 touches at 07:00, 50 µm: every surface said No and "Run the full measurement", not one word that it had been run."""
     place = beyond(tmp_path / "one")

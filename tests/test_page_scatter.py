@@ -39,7 +39,7 @@ def surfaces(place: Path) -> list[str]:
     return [plain_of(seen(place, path)) for path in ("/", f"/machine/{M}", f"/machine/{M}/trend", "/alarms")]
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("ignored", [True, False])
 def test_the_first_order_is_that_of_the_probe_that_scatters(tmp_path: Path, ignored: bool) -> None:
     """Beside an axis that somebody ignores the list named that axis, and let its part be measured with this probe."""

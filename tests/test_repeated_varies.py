@@ -104,6 +104,7 @@ def test_a_day_that_repeats_another_is_still_no_measurement(cell: Path, capsys: 
     assert data["verdict"] != "trustworthy"
 
 
+@pytest.mark.few(0)
 def test_a_verdict_is_the_same_without_the_search_for_what_explains_it() -> None:
     """Of many runs that are not to be believed the mistake is looked for in three; the search is most of the time."""
     source = read_cell(EXAMPLES / "trunnion")

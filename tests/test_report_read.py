@@ -61,6 +61,7 @@ def test_the_auditor_sees_what_the_answer_rests_on(facts: Facts, tmp_path: Path)
     assert "nightly.yaml" in {name for name, *_ in files}
 
 
+@pytest.mark.few(0)
 def test_a_report_says_neither_yes_nor_no_while_the_machine_measures(facts: Facts, tmp_path: Path) -> None:
     """It said Yes while a night was at work, where the pages and `--status` said Measuring."""
     known = nights(cell(tmp_path / "one", records=[night("HU40T-like", 0)]), facts.cell.machine, Units(), texts())

@@ -68,6 +68,7 @@ def run(*words: str) -> str:
     return done.output
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("unit", ["°C", "°F"])
 def test_micrometres_per_kelvin_are_not_those_of_degrees_fahrenheit(tmp_path: Path, unit: str) -> None:
     """A machine that goes 3 µm/K; the logger of the air writes °F: it was 1.7 µm/K without a word."""
@@ -95,7 +96,7 @@ def test_micrometres_per_kelvin_are_not_those_of_degrees_fahrenheit(tmp_path: Pa
     assert "it takes no part" in said_there
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("command", ["estimate", "iso230"])
 def test_the_commands_say_it(tmp_path: Path, command: str) -> None:
     folder = tmp_path / "cell"
