@@ -47,6 +47,7 @@ class Proposal:
     pinned: tuple[str, ...] = ()  # places of centers and directions that keep their values, as no touch shows them
     not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
     common_scale: float = 0.0  # µm rms over the volume that `COMMON` of it leaves, where no touch shows it; 0: they do
+    bar: tuple[float, float] | None = None  # µm, of a scale bar: standard uncertainty, rms over the volume for each µm it is off
     doubts: tuple[str, ...] = ()  # whether the present values are those of this machine, in sentences
 
     @property
@@ -143,7 +144,21 @@ def propose(
     not_shown = tuple(c.text for c in result.selection.unseen)
     pinned = tuple(h.place for h, kept in zip(held, holds.pinned, strict=True) if kept)
     return Proposal(
-        target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, _common(result, at), strange
+        target,
+        module,
+        request,
+        best,
+        numbers,
+        now,
+        given,
+        said,
+        before,
+        size,
+        pinned,
+        not_shown,
+        _common(result, at),
+        _bar(result, at),
+        strange,
     )
 
 
@@ -157,11 +172,21 @@ def _common(result: Estimate, at: Poses) -> float:
 
     Axes count from machine zero: far from it a scale also moves the centers against the touches.
     """
-    if not result.selection.relative:
-        return 0.0
+    return _scaled(COMMON, at) if result.selection.relative else 0.0
+
+
+def _bar(result: Estimate, at: Poses) -> tuple[float, float] | None:
+    """estimate, poses → standard uncertainty of the scale bar, rms of the tip for each µm that it has another length than stated,
+    µm; None where it was not touched."""
+    bar = result.model.touches.artefact.scale_bar
+    return None if bar is None or result.model.bar is None else (1e3 * bar.uncertainty, _scaled(1e-3 / bar.length, at))
+
+
+def _scaled(scale: float, at: Poses) -> float:
+    """mm/mm of all linear axes, poses → µm rms of the tip."""
     linear = at.machine.linear
     moved = sum((at.slots[Slot(a, "motion")] * at.touches.axis(a)[:, None] for a in linear), np.zeros((len(at), 3)))
-    return rms(at.free(COMMON * moved.reshape(-1, 1))[:, 0])
+    return rms(at.free(scale * moved.reshape(-1, 1))[:, 0])
 
 
 def _some(places: set[str]) -> str:
@@ -248,6 +273,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),
         **({"common_scale_um": round(proposal.common_scale, 4)} if proposal.common_scale else {}),
+        **({"bar_um_per_um": round(proposal.bar[1], 4)} if proposal.bar else {}),
         "promise": {
             "rms_before_um": figure(promised.rms_before),
             "rms_after_um": figure(promised.rms_after),
