@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from dataclasses import replace
 from datetime import datetime
@@ -26,6 +27,7 @@ from tango_cnc.commands._night_gate import NEAR, as_found, proves
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly
+from tango_cnc.files.origin import write_origin
 from tango_cnc.files.readings import readings_text
 from tango_cnc.gate import BENT, proving_touch
 from tango_cnc.history import opened
@@ -92,6 +94,28 @@ def test_the_facet_has_to_be_where_the_last_run_found_it(cell: Cell, by: float, 
     said = proves(cell, golden())
     assert said.passed == passed and f"{by:+.2f} mm" in said.found
     assert passed or "tango locate" in said.do
+
+
+def test_a_stylus_that_was_replaced_and_entered_is_named_first_with_a_way_on(cell: Cell) -> None:
+    """machine.yaml length 90 → 110: eleven nights said "find the table again: tango locate", which refused."""
+    measured(cell, 0.0)
+    write_origin(cell.folder / "readings.csv", cell.folder, "measured")
+    file = cell.folder / "machine.yaml"
+    length = cell.machine.probe.length
+    other = re.sub(r"(?m)(\blength: *)[0-9.]+", rf"\g<1>{length + 20:g}", file.read_text(encoding="utf-8"), count=1)
+    file.write_text(other, encoding="utf-8")
+    changed = with_gate(read_cell(cell.folder), "facet")
+    assert changed.machine.probe.length == length + 20
+    said = proves(changed, plan(changed))
+    what = f"somebody has changed machine.yaml (probe.length {length:g} → {length + 20:g})"
+    assert not said.passed and said.found.startswith(what)
+    assert "tango locate" not in said.do and said.do.startswith("look first whether what was changed in machine.yaml is right")
+    assert "gate: finger" in said.do and "'tango run'" in said.do and "gate: facet there again" in said.do
+    assert as_found(changed, plan(changed), load("fanuc")).met == {}
+    found = simulate(changed.machine, changed.artefact, changed.strategy, World())  # one run with a person
+    (cell.folder / "readings.csv").write_text(readings_text(getattr(found, "readings", found)), encoding="utf-8")
+    write_origin(cell.folder / "readings.csv", cell.folder, "measured")
+    assert proves(changed, plan(changed)).passed
 
 
 def test_nobody_there_sees_a_stylus_that_hangs_aside(cell: Cell) -> None:

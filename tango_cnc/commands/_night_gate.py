@@ -14,10 +14,12 @@ import postprocessors as posts
 from postprocessors import Post
 
 from ..files import read_readings
+from ..files.origin import cell_texts, changes, read_origin
 from ..gate import from_above, proving_touch
 from ..nightly import PreflightPoint
+from ..nightly.edited import changed_in
 from ..records import Cell, InputError, Plan, Touch
-from ..texts import say
+from ..texts import Said, say
 from ._common import dialect
 from ._proofs import proven
 
@@ -27,6 +29,7 @@ COPIED = 60.0  # s within which files are copied together
 TURNED = math.radians(0.1)  # of a rotary axis: the same indexation
 RUNS = 3  # of the last ones, as a check does not touch everything
 FAR = 30.0  # mm from the expected contact: not this touch
+PROBE = "probe."  # keys of machine.yaml about the stylus
 
 
 def proves(cell: Cell, made: Plan) -> PreflightPoint:
@@ -57,8 +60,12 @@ def proves(cell: Cell, made: Plan) -> PreflightPoint:
             name2=last.file.resolve().parent.name,  # of a cell that is "."
             off=f"{last.off:+.2f}",
         )
-        advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")
-        return PreflightPoint("gate", abs(last.off) <= NEAR, where, "" if abs(last.off) <= NEAR else advice)
+        if abs(last.off) <= NEAR:
+            return PreflightPoint("gate", True, where, "")
+        if (changed := _other_probe(cell, last.file)) is not None:
+            found = say("preflight.gate.other_stylus", what=changed, found=where)
+            return PreflightPoint("gate", False, found, say("preflight.gate.other_stylus_do", near=f"{NEAR:g}"))
+        return PreflightPoint("gate", False, where, say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}"))
     advice = say("preflight.gate.measure_once_with_person_at")
     facet = proving_touch(replace(made, met={})).facet
     return PreflightPoint("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=facet), advice)
@@ -84,6 +91,16 @@ def _last(cell: Cell, made: Plan) -> _Last | None:
         if off is not None:
             return _Last(one.facet, off, file)
     return None
+
+
+def _other_probe(cell: Cell, file: Path) -> Said | None:
+    """cell, readings of a run → what of the probe is stated otherwise today than for that run; None where nothing is, or nobody
+    knows. Nobody but a person may try whether that is so: a stylus longer than stated hits what it comes down to.
+    """
+    then = (read_origin(file) or {}).get("cell")
+    found = changes(then, cell_texts(cell.folder)) if isinstance(then, dict) else {}
+    own = {name: [one for one in keys if one[0].startswith(PROBE)] for name, keys in found.items()}
+    return next((changed_in(name, keys) for name, keys in own.items() if keys), None)
 
 
 def _looks(cell: Cell, post: Post) -> bool:

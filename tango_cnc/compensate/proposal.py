@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -27,6 +27,7 @@ CAP_MM, CAP_DEG = 0.05, 0.01
 EVEN = 1e-9  # mm, deg: what adding decimal numbers leaves
 POSES = 1024
 COMMON = 1e-5  # mm/mm, of all linear axes
+ReadBack = Callable[[str, Mapping[str, object], Request, Mapping[str, str], Mapping[str, str], Poses], Array | None]
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,14 @@ def propose(
     tcp: bool | None = None,
     hidden_by: Mapping[str, float] | None = None,
     proven: bool = True,
+    read_back: ReadBack | None = None,
 ) -> Proposal:
     """estimate, target, its settings, the control's present numbers, volume → proposal.
 
     `tcp`: whether the readings were made with tool center point control; asked for where present numbers act with it only.
     `hidden_by`: by label, by how much what no touch shows may move it, mm or rad: the promise contains it. `proven`: whether `tcp`
-    is certain; where it is not, the promise holds for either.
+    is certain; where it is not, the promise holds for either. `read_back`: what the files take away, by a reader of the target;
+    then the promise is of the files.
     Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
     """
     module = targets.load(target)
@@ -125,12 +128,16 @@ def propose(
     off = np.where(holds.pinned, 0.0, unseen)
     unseen, other = (0 * off, off) if tcp else (off, 0 * off)
     doubts = np.array([(hidden_by or {}).get(result.selection.label(c.name), 0.0) for c in found.coefficients])
+    if read_back is not None:
+        change = holds.numbers(found, now, unseen)[1]
+        written = _numbers(held, now, change)
+        files, undo = (module.files(request, held, numbers) for numbers in (written, now))
+        acts = read_back(target, {name: o.default for name, o in module.OPTIONS.items()}, request, files, undo, at)
+        holds = holds if acts is None else replace(holds, lost=holds.space @ change - at.free(acts[:, None])[:, 0])
     best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at), doubts=doubts)
     if not proven and off.any():
         best = covering(best, holds, found, now, unseen, other)
-    numbers = {
-        h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
-    }
+    numbers = _numbers(held, now, best.change)
     given, size = present is not None, rms(holds.space @ unseen)
     said = over if not volume else "as given"
     not_shown = tuple(c.text for c in result.selection.unseen)
@@ -138,6 +145,11 @@ def propose(
     return Proposal(
         target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, _common(result, at), strange
     )
+
+
+def _numbers(held: Sequence[Held], now: Mapping[str, float], change: Array) -> dict[str, float]:
+    """entries, the control's numbers, (h,) changes → {place: number} of the control with them."""
+    return {h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, change, strict=True)}
 
 
 def _common(result: Estimate, at: Poses) -> float:

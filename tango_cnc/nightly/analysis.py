@@ -60,7 +60,7 @@ from .standing import by_urgency, since_full, standing, unheard
 from .stylus import crept, tip_of
 from .swings import as_swing, without_swing
 from .trend import UNLEARNED, drift, looking_ahead, slopes
-from .warmth import as_sure_as, as_warm_as, with_warmth
+from .warmth import as_early_as, as_sure_as, as_warm_as, rates_shown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -136,6 +136,7 @@ class Nights(BeforeNight):
         place = self._place(u, judged.believed and u.quiet)
         heard = replace(heard, alarms=self._dated(past, day, kind, u, place, heard.alarms))
         heard = self._with_others(past, day, kind, u, place, judged.believed, heard)
+        heard = replace(heard, alarms=as_early_as(heard.alarms, heard.waiting, u.recent, last))
         moving = as_alarmed(self.known, place.moving, heard.waiting, u.recent, u.after)
         moving = without_swing(moving, u.recent, self._tonight(u, place, judged.believed))
         if moving is not None and not moving.swings:
@@ -219,15 +220,15 @@ class Nights(BeforeNight):
         scatter, and by that of tonight.
         """
         tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
-        done = answered.expected(past, self.cell.machine.name)
+        done, shown = answered.expected(past, self.cell.machine.name), rates_shown(recent)
         tonight = as_scattered(ahead, what, stated)
-        named = name_change(ahead, self.followed, tonight, tried, done)
+        named = name_change(ahead, self.followed, tonight, tried, done, shown)
         if (far := parts.far(named)) is None:
             return named, what, stated, tonight
         what = self._seen(readings, ahead, ahead.mean + far)
         stated = self._judge(ahead, what, recent)
         tonight = as_scattered(ahead, what, stated)
-        return name_change(ahead, self.followed, tonight, tried, done), what, stated, tonight
+        return name_change(ahead, self.followed, tonight, tried, done, shown), what, stated, tonight
 
     def _judged(
         self, past: Past, kind: str, measured: Measured, u: Update, result: Estimate | None, alarms: Sequence[dict[str, Any]]

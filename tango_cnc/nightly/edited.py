@@ -7,7 +7,7 @@ from typing import Any
 
 from ..files.origin import FEW, changes
 from ..files.readjson import parse_json
-from ..texts import joined, say
+from ..texts import Said, joined, say
 from .ports import Disk, Past
 
 ORIGIN = "readings.origin.json"
@@ -31,7 +31,7 @@ def edited(
     if not found:
         return {}
     files = {file: [dict(zip(("key", "was", "now"), one, strict=True)) for one in keys] for file, keys in found.items()}
-    text = say("night.edited.text", what=joined("; ", [_told(*one) for one in found.items()]), night=last.night)
+    text = say("night.edited.text", what=joined("; ", [changed_in(*one) for one in found.items()]), night=last.night)
     return {"edited": {"since": last.night, "files": files, "text": text}}
 
 
@@ -55,8 +55,8 @@ def _cell(disk: Disk, stamp: str) -> Mapping[str, str]:
     return {str(k): str(v) for k, v in kept.items()} if isinstance(kept, dict) else {}
 
 
-def _told(file: str, keys: Sequence[tuple[str, Any, Any]]) -> str:
-    """→ artefact.yaml (scale_bar.length 200 → 200.03 and 2 more)."""
+def changed_in(file: str, keys: Sequence[tuple[str, Any, Any]]) -> Said:
+    """file, its keys with what they were and are → artefact.yaml (scale_bar.length 200 → 200.03 and 2 more)."""
     named = ", ".join(f"{key} {_shown(was)} → {_shown(now)}" for key, was, now in keys[:FEW])
     more = say("night.edited.more", count=len(keys) - FEW) if len(keys) > FEW else ""
     return say("night.edited.file", file=file, keys=named, more=more)

@@ -318,11 +318,12 @@ def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, 
 
 def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
     """alarm, record, its night if that is tonight, texts → which parts may have what moved in one night, as its page says; '' where
-    that is another matter: of the probe, of what has gone back, and beyond a limit (`parts_to_check`).
+    that is another matter: of the probe, of what has gone back, and beyond a limit (`parts_to_check`). A machine that is warmer
+    asks for none, but where a knock may be all of it.
     """
     since = str(cause.get("since") or "")
     at_once = night and since and not any(cause.get(key) for key in ("undoes", "rate_per_day", "goes_on"))
-    of_machine = not only_set_up(cause) and cause.get("cause") not in WARMED
+    of_machine = not only_set_up(cause) and (cause.get("cause") not in WARMED or _says(cause["text"], "night.sensors.or_knock"))
     if not at_once or not of_machine or record["verdict"] != "changed":
         return ""
     return t("morning.suspect", date=since)

@@ -18,6 +18,7 @@ import numpy as np
 from ..records import Array, Readings
 from ..report.texts import texts
 from ..state.naming import WARMER
+from ..terms import SCALES
 from ..texts import Said, joined, say
 from .sensor_doubt import DOUBTED, in_doubt, sentence
 
@@ -291,8 +292,10 @@ def how_warm(
     names, told = by_how_much(sensors, now, last, night, sensor)
     key = "changed.warmer" if now >= last else "changed.colder"
     text = say(key, size=alarm["text"].values["size"], **told)
-    meant = joined(", ", map(_meant, alarm.get("instead") or ()))
+    knocks = [name for name in alarm.get("instead") or () if name not in ("scales", *SCALES)]  # no knock moves a scale
+    meant = joined(", ", map(_meant, knocks))
     asked = {"do": say("night.sensors.do_knock", do=alarm["do"], names=meant)} if meant else {}
+    text = say("night.sensors.or_knock", text=text, names=meant) if meant else text
     warmer = {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}
     return alarm | {"text": text, "warmer": warmer} | asked
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..report.tonight import is_gone
 from ..state.naming import WARMER
-from ..texts import Said, say
+from ..texts import Said, instead, say
+from .dates import Since
 from .sensors import A_KELVIN, TEMPERATURE, by_how_much, celsius_of
 from .standing import own_of
 from .words import value
@@ -54,8 +55,8 @@ def with_warmth(
     key = f"night.sensors.{'warmer' if now >= last else 'colder'}_do"
     warmer = {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}
     warmer |= {} if rate is None else {"per_kelvin": rate[0], "nights": rate[1]}
-    instead = [TEMPERATURE, *(n for n in alarm["instead"] if n != TEMPERATURE)]
-    alarm = alarm | {"warmer": warmer, "instead": instead, "do": say(key, do=alarm["do"], follows=follows, **told)}
+    others = [TEMPERATURE, *(n for n in alarm["instead"] if n != TEMPERATURE)]
+    alarm = alarm | {"warmer": warmer, "instead": others, "do": say(key, do=alarm["do"], follows=follows, **told)}
     before = _rate(_points(name, recent))
     if before is None or not _explained(float(alarm["size"]), float(alarm["std"]), before[0] * (now - last)):
         return alarm
@@ -96,6 +97,33 @@ def as_sure_as(alarms: Sequence[dict[str, Any]], now: float | None, recent: Sequ
             return a
         do = a["do"].values["do"] if isinstance(a.get("do"), Said) and a["do"].key in SENSOR_FIRST else a.get("do")
         return a | {"instead": [n for n in a["instead"] if n != TEMPERATURE], "do": do}
+
+    return [told(a) for a in alarms]
+
+
+def as_early_as(
+    alarms: Sequence[dict[str, Any]], older: Sequence[Mapping[str, Any]], recent: Sequence[Mapping[str, Any]], last: Since
+) -> list[dict[str, Any]]:
+    """alarms of tonight, those of other nights, records newest first, since when → the same; one of an error that may have been all
+    of a change with temperature dates from the night before that, as long as no night since was as warm as then: it would have
+    shown the error.
+    """
+    then = {str(r["night"]): c for r in recent if r.get("carried", True) and (c := celsius_of(r)) is not None}
+
+    def may_be(a: Mapping[str, Any], w: Mapping[str, Any]) -> bool:
+        known = w["cause"] == TEMPERATURE and w.get("warmer") and a["parameter"] in (w.get("instead") or ())
+        if not known or a["since"] != last.date or not str(w.get("since") or last.date) < last.date:
+            return False
+        return all(abs(c - float(w["warmer"]["then"])) >= WARMER for night, c in then.items() if night > str(w["since"]))
+
+    def told(a: dict[str, Any]) -> dict[str, Any]:
+        meant = [w for w in older if may_be(a, w)]
+        if not meant or any(a.get(key) for key in ("undoes", "repair", "rate_per_day")):
+            return a
+        first = min(meant, key=lambda w: str(w["since"]))
+        since, night = str(first["since"]), str(first.get("night") or "")
+        text = say("night.sensors.taken_for_warm", text=instead(a["text"], last.words, since), on=night)
+        return a | {"text": text, "since": since, "on_part": instead(a["on_part"], last.date, since)}
 
     return [told(a) for a in alarms]
 
@@ -149,6 +177,28 @@ def _points(name: str, recent: Sequence[Mapping[str, Any]]) -> list[tuple[float,
         if own is not None and celsius is not None:
             points.append((celsius, float(own["value"])))
     return points
+
+
+def rates_shown(recent: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+    """records newest first, of nights without an alarm of temperature → {parameter: what it did for each K, standard deviation of
+    that}, by a straight line through its nights, of which none is known better than its own standard deviation.
+    """
+    found = {}
+    for name in next((r["parameters"] for r in recent if r.get("parameters")), {}):
+        points = _points(name, recent)
+        stds = [float(own["std"]) for r in recent[:LOOKED] if (own := own_of(r.get("parameters") or {}, name)) is not None]
+        if len(points) < ENOUGH:
+            continue
+        x, y = np.array(points).T
+        apart = x - x.mean()
+        width = float(apart @ apart)
+        if width < STIRRED**2:
+            continue
+        rate = float(apart @ y) / width
+        left = y - y.mean() - rate * apart
+        spread = max(float(np.sqrt(left @ left / (len(points) - 2))), float(np.median(stds)))
+        found[name] = rate, spread / float(np.sqrt(width))
+    return found
 
 
 def _rate(points: Sequence[tuple[float, float]]) -> tuple[float, int] | None:

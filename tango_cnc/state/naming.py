@@ -6,7 +6,7 @@ along them (Willsky & Jones 1976); ln k a direction is the price, so that six di
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,9 +15,9 @@ from scipy import linalg, special
 
 from ..records import Array
 from ..terms import SCALES
-from .by_warmth import rival
+from .by_warmth import BesideWarmth, PerKelvin, rival, what_kelvins_do
 from .changes import change_of
-from .filter import State, Tonight, per_kelvin, unknown
+from .filter import OFF, SURE, State, Tonight
 from .frame import PRETRAVEL, WARM, Frame
 
 FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
@@ -141,12 +141,18 @@ def _table(followed: Frame) -> Array | None:
 
 
 def name_change(
-    state: State, followed: Frame, tonight: Tonight, tried: Sequence[Hypothesis], expected: Collection[tuple[str, str]] = ()
+    state: State,
+    followed: Frame,
+    tonight: Tonight,
+    tried: Sequence[Hypothesis],
+    expected: Collection[tuple[str, str]] = (),
+    shown: Mapping[str, tuple[float, float]] | None = None,
 ) -> Named | None:
     """predicted state, frame, judgement, hypotheses → the one that explains the change best, with those beside it; None where none
     explains any.
 
     `expected`: (cause, parameter) of what somebody has worked at; where it fits as well as the best one, it is that.
+    `shown`: {parameter: per K, its standard deviation} that nights have shown, though no alarm has opened any coefficient yet.
     """
     k = len(tonight.innovation)
     if not k or not tried:
@@ -166,9 +172,11 @@ def name_change(
     found = _best(seen, white, tonight, expected)
     if found is None:
         return None
+    tells = any(h.cause == "temperature" for h in tried)
+    warm = what_kelvins_do(state, followed, shown or {}) if tells else PerKelvin(np.zeros(0), np.zeros(0), False, {})
     if "temperature" in (found[0].hypothesis.cause, *found[0].instead):
-        found = _but_for_warmth(found, seen, white, tonight, per_kelvin(followed, state), not unknown(followed, state))
-    return _shorter(_with_others(*found, seen, white, tonight), seen, white, tonight)
+        found = _but_for_warmth(found, seen, white, tonight, warm)
+    return _shorter(_with_others(*found, seen, white, tonight, warm), seen, white, tonight)
 
 
 def _shorter(story: Named, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named:
@@ -209,19 +217,15 @@ def _but_for_warmth(
     seen: Sequence[tuple[Hypothesis, Array]],
     white: Array,
     tonight: Tonight,
-    most: Array,
-    learned: bool,
+    told: PerKelvin,
 ) -> tuple[Named, Array]:
-    """best story, its pattern, hypotheses with theirs, (k,) white innovation, judgement, (q,) what a K does at most, whether this
-    machine has shown that → the same, where temperature is it or fits nearly as well; another cause before it, or beside it,
-    where so few kelvins do not do that.
+    """best story, its pattern, hypotheses with theirs, (k,) white innovation, judgement, what kelvins do → the same, where
+    temperature is it or fits nearly as well; another cause before it, or beside it, where so few kelvins do not do that.
     """
     best, _ = found
     (warm,) = (item for item in seen if item[0].cause == "temperature")
     others = [item for item in seen if item[0].cause != "temperature"]
-    steps = [_fitted(own, white, tonight.scale)[1] for _, own in others]
-    far = [len(x) == 1 and abs(x[0]) > A_KELVIN * _most(h) * abs(warm[0].kelvin) for (h, _), x in zip(others, steps, strict=True)]
-    other = rival(warm[1] * most * warm[0].kelvin, [own for _, own in others], white, tonight.scale, learned, np.array(far))
+    other = _rival(warm, others, white, tonight, told, np.ones(len(told.most), dtype=bool))
     if best.hypothesis.cause != "temperature":
         knock = other is not None and other.first and not other.near
         return (replace(best, instead=tuple(n for n in best.instead if n != "temperature")) if knock else best), found[1]
@@ -236,6 +240,36 @@ def _but_for_warmth(
     alike = every[0].instead if every[0].hypothesis is one[0].hypothesis else (every[0].hypothesis.parameter,)
     near = ("temperature", *alike) if other.near else alike
     return replace(one[0], instead=near[:4]), one[1]
+
+
+def _rival(
+    warm: tuple[Hypothesis, Array],
+    others: Sequence[tuple[Hypothesis, Array]],
+    white: Array,
+    tonight: Tonight,
+    told: PerKelvin,
+    free: Array,
+) -> BesideWarmth | None:
+    """temperature with its pattern, other hypotheses with theirs, (k,) innovation, judgement, what kelvins do, which of the errors
+    are meant → the cause that says more than temperature does, or as much; None where none does.
+    """
+    steps = [_fitted(own, white, tonight.scale)[1:3] for _, own in others]
+    sized = [(h, x, std) for (h, _), (x, std) in zip(others, steps, strict=True)]
+    far = [len(x) == 1 and _beyond(h, x[0], std[0], warm[0].kelvin, told.shown) for h, x, std in sized]
+    due, most = warm[1] @ told.mean[free] * warm[0].kelvin, warm[1] * told.most[free] * warm[0].kelvin
+    return rival(due, most, [own for _, own in others], white, tonight.scale, told.learned, np.array(far))
+
+
+def _beyond(h: Hypothesis, size: float, std: float, kelvin: float, shown: Mapping[str, tuple[float, float]]) -> bool:
+    """hypothesis, its size and standard deviation, K, what nights have shown → whether no machine does so much for so few, or this
+    one does not, by what it has shown.
+    """
+    if abs(size) > A_KELVIN * _most(h) * abs(kelvin):
+        return True
+    if h.parameter not in shown:
+        return False
+    rate, unsure = shown[h.parameter]
+    return bool(abs(size - rate * kelvin) > SURE * np.hypot(std, np.hypot(unsure, OFF * _most(h)) * kelvin))
 
 
 def _most(h: Hypothesis) -> float:
@@ -304,13 +338,15 @@ def _fitted(pattern: Array, white: Array, scale: float) -> tuple[float, Array, A
     return float(along @ along) / scale, size, std, rank
 
 
-def _with_others(best: Named, its: Array, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named:
-    """best story, its (k, m) pattern, every hypothesis with its pattern, innovation, judgement → the same with the causes beside
-    it, sizes and standard deviations of all from one fit, and with what would explain what is left then.
+def _with_others(
+    best: Named, its: Array, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight, warm: PerKelvin
+) -> Named:
+    """best story, its (k, m) pattern, every hypothesis with its pattern, innovation, judgement, what kelvins do → the same
+    with the causes beside it, sizes and standard deviations of all from one fit, and with what would explain what is left then.
     """
     causes, patterns, more = [best], [its], list[Named]()
     while True:
-        found = _next(causes, patterns, seen, white, tonight)
+        found = _next(causes, patterns, seen, white, tonight, warm)
         more = [one for one, _, _ in found][:MANY]
         if not found or not found[0][2] or len(causes) == MANY:
             break
@@ -336,19 +372,20 @@ def _next(
     seen: Sequence[tuple[Hypothesis, Array]],
     white: Array,
     tonight: Tonight,
+    warm: PerKelvin,
 ) -> list[tuple[Named, Array, bool]]:
-    """causes, their (k, m) patterns, every hypothesis with its pattern, innovation, judgement → what explains more of what they
-    leave than chance, with its pattern and whether it is a name: the best one first.
+    """causes, their (k, m) patterns, every hypothesis with its pattern, innovation, judgement, what kelvins do → what explains more
+    of what they leave than chance, with its pattern and whether it is a name: the best one first.
 
-    A name explains more than half of what is left above chance, and more than any other by `CLOSE`: where another one
-    does as well, neither is a name.
+    A name explains more than half of what is left above chance, and more than any other by `CLOSE`: where another one does as
+    well, neither is a name. Beside temperature it is one where so few kelvins do not do what is left.
     """
     k, m = len(white), sum(p.shape[1] for p in patterns)
     if causes[0].hypothesis.cause == "temperature":
         return []
     basis = linalg.orth(np.hstack(patterns))
     left = white - basis @ (basis.T @ white)
-    others = []
+    others, beside, free = [], list[tuple[Hypothesis, Array]](), np.zeros(0, dtype=bool)
     for h, pattern in seen:
         own = pattern - basis @ (basis.T @ pattern)
         if h.cause == "temperature":  # an error that has moved by itself may have moved with it, too: no night says how far
@@ -358,15 +395,32 @@ def _next(
             gain, size, std, _ = _fitted(own, left, tonight.scale)
             score = gain - np.log(k) * pattern.shape[1]
             others.append((Named(h, size, std, gain, score, causes[-1].remains, ()), pattern))
-    others.sort(key=lambda item: -item[0].score)
+            beside.append((h, own))
+    knock = _knock([one for one, _ in others], beside, left, tonight, warm, free)
+    others.sort(key=lambda item: (item[0].hypothesis is not knock, -item[0].score))
     rest = max(tonight.statistic / tonight.scale - sum(c.explained for c in causes), 0.0) - (k - m)
     found = []
     for place, (one, pattern) in enumerate(others):
         by_chance = float(special.chdtrc(pattern.shape[1], one.explained)) * len(others)
         alone = place == 0 and (len(others) == 1 or one.score - others[1][0].score >= CLOSE)
         if by_chance <= FAR:
-            found.append((one, pattern, alone and one.explained >= 0.5 * rest))
+            found.append((one, pattern, one.hypothesis is knock or (alone and one.explained >= 0.5 * rest)))
     return found
+
+
+def _knock(
+    scored: Sequence[Named], beside: Sequence[tuple[Hypothesis, Array]], left: Array, tonight: Tonight, warm: PerKelvin, free: Array
+) -> Hypothesis | None:
+    """what may be beside the first causes, the same with (k, m) patterns without them, (k,) what they leave, judgement, what
+    kelvins do, which errors may follow the temperature → the one that so few kelvins do not make, where temperature would be named,
+    or as well; else None.
+    """
+    (place, own), *_ = [*((i, item) for i, item in enumerate(beside) if item[0].cause == "temperature"), (-1, None)]
+    if own is None or scored[place].score <= max(one.score for one in scored) - CLOSE:
+        return None
+    others = [item for item in beside if item is not own]
+    found = _rival(own, others, left, tonight, warm, free)
+    return others[found.place][0] if found is not None and found.first else None
 
 
 def _alike(best: Named, other: Named, behind: float) -> bool:
