@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
-from support.compensated import example, first, measured, proposed, text, truth, write
+from click.testing import CliRunner
+from support.compensated import ROOT, example, first, measured, proposed, text, truth, write
 
 from sim_controller.compensation import read
+from tango_cnc.cli import tango
 from tango_cnc.compensate import as_json, loop, propose
 from tango_cnc.compensate.contradicted import contradicted
 from tango_cnc.compensate.either import CERTAIN, likelier
@@ -67,6 +71,21 @@ def test_where_nothing_proves_the_answer_the_promise_holds_for_either(tmp_path: 
     assert promise["rms_after_um"]["low"] <= left <= promise["rms_after_um"]["high"] and promise["either_um"] > 1
     assert promise["seen_after_um"]["high"] == pytest.approx(alone.fit.rms_after.high, abs=1e-3)
     assert "nothing proves whether tool center point control was on" in text(both) and "proves" not in text(alone)
+
+
+def test_of_numbers_of_a_file_nothing_proves_the_answer(tmp_path: Path) -> None:
+    """What a mill is told by --no-tcp moved the promise by 16 µm, and nothing stood beside it."""
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    present = tmp_path / "present.yaml"
+    present.write_text("setting 255 (MRZP X): 0.02\n")
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    asked = ["compensate", "-C", str(cell), "--target", "haas", "--dry-run", "--json", "-", "--present", str(present)]
+    for answer in ("--no-tcp", "--tcp"):
+        done = CliRunner().invoke(tango, [*asked, answer])
+        promise = json.loads(done.stdout)["promise"]
+        assert promise["either_um"] > 5 and promise["rms_after_um"]["high"] > promise["seen_after_um"]["high"]
+        assert "either_um" not in json.loads(CliRunner().invoke(tango, [*asked, answer, "--despite"]).stdout)["promise"]
 
 
 def test_a_run_of_an_own_program_is_on_record_as_made_without(tmp_path: Path) -> None:

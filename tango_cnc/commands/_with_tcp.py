@@ -20,7 +20,8 @@ from ._short_check import as_then
 
 
 def as_answered(cell: Cell, result: Estimate, proposal: Proposal, last: Mapping[str, Any], options: dict[str, Any]) -> bool:
-    """cell, estimate, proposal, record of what is in the control, options → whether the answer is proven; True where none counts.
+    """cell, estimate, proposal, record of what is in the control (empty: a file has it), options → whether the answer is proven;
+    True where none counts.
 
     Raises InputError where the readings, or their record, contradict what is stated of them.
     """
@@ -31,6 +32,8 @@ def as_answered(cell: Cell, result: Estimate, proposal: Proposal, last: Mapping[
             f"--tcp: found {readings}, which 'tango run' measured with a program that switches tool center point control off. "
             "Allowed: --no-tcp; --despite where that program was changed, and it was on"
         )
+    if not last:  # numbers of a file: no run that they were made from is on record
+        return off or tcp is None
     odds = None
     if tcp is not None and (first := _full_run(cell, kept, options)) is not None:
         days = days_between(kept, ended(readings))

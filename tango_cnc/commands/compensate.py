@@ -202,7 +202,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
             kept_as_promised(proposal.fit, result, {*judgement.untrusted} - {*dict(judgement.hidden)})
     if options["trial_of"] is not None:
         return _sign_trial.written(cell, proposal, result, options, _now(), simulated=simulated)
-    if last and not options["despite"] and not as_answered(cell, result, proposal, last, options):
+    if there is not None and not options["despite"] and not as_answered(cell, result, proposal, last, options):
         proposal = asked(proven=False)
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
