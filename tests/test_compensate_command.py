@@ -15,6 +15,7 @@ from support.compensated import ROOT
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import predict
 from tango_cnc.compensate import loop, targets
+from tango_cnc.compensate.space import Held
 from tango_cnc.loaded import AS_SEEN
 from tango_cnc.records import InputError, TangoError
 
@@ -49,6 +50,25 @@ def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> 
     assert all(up == down == nominal for nominal, up, down in zip(undo[::3], undo[1::3], undo[2::3], strict=True))
     assert run("compensate", "--check", folder).exit_code == 0
     assert [e["event"] for e in loop.history(mill)] == ["proposed"]
+
+
+def test_the_promise_is_of_the_files_as_the_control_reads_them(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sign that is wrong in the files alone was in no promise: it was of the numbers that were to be written."""
+    module = targets.load("linuxcnc")
+    plain = module.files
+
+    def turned(request: targets.Request, held: list[Held], numbers: dict[str, float]) -> dict[str, str]:
+        found: dict[str, str] = plain(request, held, {h.place: 2 * h.base - numbers[h.place] for h in held})
+        return found
+
+    def promise() -> tuple[float, float]:
+        done = run("compensate", "-C", cell, "--target", "linuxcnc", "--dry-run", "--json", "-")
+        found = json.loads(done.stdout)["promise"]
+        return found["rms_before_um"]["value"], found["rms_after_um"]["value"]
+
+    before, after = promise()
+    monkeypatch.setattr(module, "files", turned)
+    assert after < before < 0.7 * promise()[1]
 
 
 @pytest.mark.long

@@ -50,6 +50,10 @@ def test_words_are_not_moved_by_what_a_named_mistake_makes_wrong(tmp_path: Path)
     assert re.search(r"µm of what the words would be moved by come from E\w\w1", str(refused.exception))
     assert not (tmp_path / "out.nc").exists()
     assert CliRunner().invoke(tango, [*asked, "--despite"]).exit_code == 0 and (tmp_path / "out.nc").exists()
+    foretold = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=0", "--fitted"]
+    refused = CliRunner().invoke(tango, foretold)
+    assert re.search(r"µm of what would be predicted come from E\w\w1.* Nothing was predicted", str(refused.exception))
+    assert CliRunner().invoke(tango, [*foretold, "--despite"]).exit_code == 0
 
 
 @pytest.mark.long

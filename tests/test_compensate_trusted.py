@@ -116,6 +116,11 @@ def test_a_proposal_says_what_a_scale_leaves_that_no_touch_shows(name: str, tmp_
     cell, world = example(name)
     made = propose(first(name), "siemens", poses=256)
     assert ("every 10 µm/m of the absolute scale" in text(made)) is bool(made.common_scale) is (name == "split")
+    assert ("rest on the length of the scale bar" in text(made)) is (made.bar is not None) is (name == "trunnion")
+    if made.bar is not None:  # by 8 µm of 200 mm
+        off = {a: world.errors.get(a, 0.0) + 40e-6 for a in ("EXX1", "EYY1", "EZZ1")}
+        left = truth(cell, replace(world, errors={**world.errors, **off}), made, read(write(made, tmp_path / "b"), cell.machine))
+        assert made.bar[0] == 0.5 and left == pytest.approx(8 * made.bar[1], rel=0.1) and left > made.fit.rms_after.high
     if made.common_scale:
         scaled = {a: world.errors.get(a, 0.0) + 1e-5 for a in ("EXX1", "EYY1", "EZZ1")}
         control = read(write(made, tmp_path / "c"), cell.machine)

@@ -185,5 +185,8 @@ def test_a_sign_trial_asks_for_no_sign_trial(cell: Path) -> None:
     assert SIGN_TRIAL in steps(proposal.request)
     whole, trial = (loop.store(cell, proposal, NOW, cell / name, trial=name == "b").record["steps"] for name in "ab")
     assert sum("--sign-trial" in step for step in whole) == 1 and not any("sign" in step for step in trial)
+    asked = next(step for step in whole if "--sign-trial" in step)  # of a table: touches of the probing programs feel it
+    tables = {h.table for h in proposal.held if not h.tcp}
+    assert any(f"--sign-trial '{table}'" in asked for table in tables) and "these act with tool center point control only" in asked
     assert [step.split(". ", 1)[1] for step in whole if "--sign-trial" not in step] == [s.split(". ", 1)[1] for s in trial]
     assert [int(step.split(".")[0]) for step in trial] == list(range(1, len(trial) + 1))

@@ -208,6 +208,25 @@ def test_a_run_after_the_newest_night_without_a_report_is_named_beside_its_answe
         assert bool(told.get("machines", [told])[0]["run_without_report"]) == (not reported)
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize("late", [False, True])
+def test_a_report_that_is_older_than_the_newest_run_says_so(tmp_path: Path, late: bool) -> None:
+    """Who opened the tab took the report of the week before for that of this morning."""
+    folder = cell(tmp_path / "one", records=[])
+    (folder / "report.html").write_text("<html></html>", encoding="utf-8")
+    os.utime(folder / "report.html", (1e9, 1e9))
+    run = Recorded(folder, 1)
+    run.begin()
+    run.touch()
+    run.end()
+    if late:
+        os.utime(folder / "report.html", None)
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        text = " ".join(site.get("/machine/HU40T-like/report").text.split())
+    assert ("This report is older than the newest run (Mon 23 Nov 2026" in text) == (not late)
+    assert ("Have its report written" in text) == (not late)
+
+
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     text = site.get("/machine/HU40T-like").text
     assert (

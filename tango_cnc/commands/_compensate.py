@@ -133,6 +133,11 @@ def text(proposal: Proposal) -> str:
             else []
         ),
     ]
+    if proposal.bar is not None:
+        lines.append(
+            f"all scales rest on the length of the scale bar: its {proposal.bar[0]:.2g} µm (standard uncertainty) are in "
+            f"these figures, and each further µm that it is off leaves {proposal.bar[1]:.2f} µm (rms) beside them"
+        )
     if proposal.unseen:
         lines += [
             "",

@@ -147,6 +147,14 @@ def _touched(result: Estimate) -> Poses:
     return sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 64)
 
 
+def foretold(result: Estimate, judgement: Judgement, *, despite: bool) -> None:
+    """estimate, what is to be thought of it, --despite → nothing. Raises TangoError where something named makes wrong what would be
+    predicted."""
+    if judgement.verdict == "doubtful" and not despite:
+        wrong = {*judgement.untrusted} - {*dict(judgement.hidden)}
+        words_as_promised(found_of(result, "predict"), result, wrong, _touched(result), "predict", still=False)
+
+
 def _trusted(result: Estimate, judgement: Judgement, *, despite: bool) -> dict[str, float]:
     """estimate, what is to be thought of it, --despite → plain data of what no touch parts from the stylus; {} where S was turned.
 

@@ -24,7 +24,7 @@ from ..judging import judged, made_up
 from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..verify.apart import apart
-from . import _compensate, _program, _scales, _short_check, _sign_trial
+from . import _compensate, _program, _read_back, _scales, _short_check, _sign_trial
 from ._beside import alone, beside, stated
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
@@ -192,6 +192,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
         hidden_by=dict(judgement.hidden) if options["despite"] else wrong_by(result, judgement),
+        read_back=_read_back.taken if options["trial_of"] is None else None,
     )
     proposal = asked()
     if not options["dry_run"]:

@@ -66,6 +66,7 @@ def command(**options: Any) -> int:
     except TangoError as error:
         more_terms = larger(cell, readings, terms, options["degree"], origin, judgement)
         raise TangoError("\n".join(filter(None, [str(error), more_terms]))) from None
+    _program.foretold(result, judgement, despite=options["despite"])
     simulated = made_up(origin)
     first = [*([SIMULATED] if simulated else []), *filter(None, [apart(result)])]
     if options["test"] is not None:

@@ -37,7 +37,7 @@ def contradicted(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: boo
     stated = f"they leave {_size(left)} µm, and no more than {promised.high:.2f} were promised"
     other = ran(kept, result, held, tcp=not tcp).left() if any(h.tcp for h in held) else left
     stated_tcp = f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave"
-    if other.low <= promised.high and (odds is None or odds < CERTAIN):
+    if odds is None and other.low <= promised.high:
         return f"{stated_tcp} {_size(other)}, as promised. Find out how they were made; allowed: {meant} when it was {was}"
     without = run.left(loaded=False)
     if without.low <= promised.high:

@@ -135,6 +135,7 @@ class Holding:
     space: Array  # (3n, h) mm that a unit of every number takes away
     best: Array  # (h, p) numbers per unit of every coefficient
     pinned: NDArray[np.bool_]  # (h,) which keep their present value, as no touch shows them
+    lost: Array | None = None  # (3n,) mm that the files take away less than their numbers say, without the set-up; None: not known
 
     def numbers(self, found: Known, present: Mapping[str, float], unseen: Array | None = None) -> tuple[Array, Array]:
         """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them.
@@ -158,7 +159,8 @@ class Holding:
 
     def left(self, found: Known, rounded: Array, spindle: Unparted | None = None) -> Array:
         """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""
-        return self._stays(found, self.levers - self.taken, self.space @ rounded, spindle)
+        rest = self.space @ rounded
+        return self._stays(found, self.levers - self.taken, rest if self.lost is None else rest + self.lost, spindle)
 
     def by_program(self, found: Known, spindle: Unparted | None = None) -> Array:
         """what is known → (k, m, n) mm, draws of what programs leave that are compensated as well: they correct everything but

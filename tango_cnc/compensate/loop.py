@@ -39,6 +39,10 @@ MADE_FROM = "made-from.csv"  # the readings of the run that a compensation was m
 ALONG = "Centers, directions and component errors are written along the axes of the control. Jog each axis a little, and see"
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
+TRIED_ON = (
+    "Then the same for a center or direction ({place}): these act with tool center point control only, so touch with it on, by a "
+    "program of your own, and state --tcp with --sign-of. Touches without it, as those of the probing programs, stay undecided"
+)
 UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
 RECORDS = 200  # of other compensations that are looked at, where a file differs
 FIGURE = {"value": float, "low?": float, "high?": float}
@@ -125,13 +129,14 @@ def store(
 
 def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
     """folder of a cell, proposal → what a person does, in order; for a sign trial without the step that asks for one."""
-    most = max(zip(proposal.held, proposal.fit.change, strict=True), key=lambda pair: abs(float(pair[1])))[0]
-    place = most.table if most.at is not None else most.place
+    always, switched = (_most(proposal, tcp=tcp) for tcp in (False, True))
+    place = always or switched or proposal.held[0].table
     given = [(name, value) for name, value in proposal.request.options.items() if value != proposal.module.OPTIONS[name].default]
     said = (
         "No source that was read states the signs, so do the sign trial first: "
         f"tango compensate -C {shlex.quote(str(cell))} --target {proposal.target} --sign-trial {shlex.quote(place)}"
         + "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in given)
+        + (f". {TRIED_ON.format(place=switched)}" if switched else "")
     )
     steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
     if said_unit := unit_of(proposal.held):
@@ -139,6 +144,13 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
     if proposal.along:
         steps.insert(0, f"{ALONG} that {proposal.along}. If it is not so, load nothing, and mend machine.yaml.")
     return [text for text in steps if text != said] if trial else steps
+
+
+def _most(proposal: Proposal, *, tcp: bool) -> str:
+    """proposal, whether what acts with tool center point control only is meant → the place or table that changes most; or ''."""
+    pairs = [(abs(float(c)), h) for h, c in zip(proposal.held, proposal.fit.change, strict=True) if c and h.tcp is tcp]
+    most = max(pairs, key=lambda pair: pair[0])[1] if pairs else None
+    return "" if most is None else most.table if most.at is not None else most.place
 
 
 def unit_of(held: Sequence[Held]) -> str:

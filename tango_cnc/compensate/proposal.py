@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -27,6 +27,7 @@ CAP_MM, CAP_DEG = 0.05, 0.01
 EVEN = 1e-9  # mm, deg: what adding decimal numbers leaves
 POSES = 1024
 COMMON = 1e-5  # mm/mm, of all linear axes
+ReadBack = Callable[[str, Mapping[str, object], Request, Mapping[str, str], Mapping[str, str], Poses], Array | None]
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Proposal:
     pinned: tuple[str, ...] = ()  # places of centers and directions that keep their values, as no touch shows them
     not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
     common_scale: float = 0.0  # µm rms over the volume that `COMMON` of it leaves, where no touch shows it; 0: they do
+    bar: tuple[float, float] | None = None  # µm, of a scale bar: standard uncertainty, rms over the volume for each µm it is off
     doubts: tuple[str, ...] = ()  # whether the present values are those of this machine, in sentences
 
     @property
@@ -83,12 +85,14 @@ def propose(
     tcp: bool | None = None,
     hidden_by: Mapping[str, float] | None = None,
     proven: bool = True,
+    read_back: ReadBack | None = None,
 ) -> Proposal:
     """estimate, target, its settings, the control's present numbers, volume → proposal.
 
     `tcp`: whether the readings were made with tool center point control; asked for where present numbers act with it only.
     `hidden_by`: by label, by how much what no touch shows may move it, mm or rad: the promise contains it. `proven`: whether `tcp`
-    is certain; where it is not, the promise holds for either.
+    is certain; where it is not, the promise holds for either. `read_back`: what the files take away, by a reader of the target;
+    then the promise is of the files.
     Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
     """
     module = targets.load(target)
@@ -125,19 +129,42 @@ def propose(
     off = np.where(holds.pinned, 0.0, unseen)
     unseen, other = (0 * off, off) if tcp else (off, 0 * off)
     doubts = np.array([(hidden_by or {}).get(result.selection.label(c.name), 0.0) for c in found.coefficients])
+    if read_back is not None:
+        change = holds.numbers(found, now, unseen)[1]
+        written = _numbers(held, now, change)
+        files, undo = (module.files(request, held, numbers) for numbers in (written, now))
+        acts = read_back(target, {name: o.default for name, o in module.OPTIONS.items()}, request, files, undo, at)
+        holds = holds if acts is None else replace(holds, lost=holds.space @ change - at.free(acts[:, None])[:, 0])
     best = fit(found, holds, now, unseen=unseen, spindle=unparted(result, at), doubts=doubts)
     if not proven and off.any():
         best = covering(best, holds, found, now, unseen, other)
-    numbers = {
-        h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
-    }
+    numbers = _numbers(held, now, best.change)
     given, size = present is not None, rms(holds.space @ unseen)
     said = over if not volume else "as given"
     not_shown = tuple(c.text for c in result.selection.unseen)
     pinned = tuple(h.place for h, kept in zip(held, holds.pinned, strict=True) if kept)
     return Proposal(
-        target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, _common(result, at), strange
+        target,
+        module,
+        request,
+        best,
+        numbers,
+        now,
+        given,
+        said,
+        before,
+        size,
+        pinned,
+        not_shown,
+        _common(result, at),
+        _bar(result, at),
+        strange,
     )
+
+
+def _numbers(held: Sequence[Held], now: Mapping[str, float], change: Array) -> dict[str, float]:
+    """entries, the control's numbers, (h,) changes → {place: number} of the control with them."""
+    return {h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, change, strict=True)}
 
 
 def _common(result: Estimate, at: Poses) -> float:
@@ -145,11 +172,21 @@ def _common(result: Estimate, at: Poses) -> float:
 
     Axes count from machine zero: far from it a scale also moves the centers against the touches.
     """
-    if not result.selection.relative:
-        return 0.0
+    return _scaled(COMMON, at) if result.selection.relative else 0.0
+
+
+def _bar(result: Estimate, at: Poses) -> tuple[float, float] | None:
+    """estimate, poses → standard uncertainty of the scale bar, rms of the tip for each µm that it has another length than stated,
+    µm; None where it was not touched."""
+    bar = result.model.touches.artefact.scale_bar
+    return None if bar is None or result.model.bar is None else (1e3 * bar.uncertainty, _scaled(1e-3 / bar.length, at))
+
+
+def _scaled(scale: float, at: Poses) -> float:
+    """mm/mm of all linear axes, poses → µm rms of the tip."""
     linear = at.machine.linear
     moved = sum((at.slots[Slot(a, "motion")] * at.touches.axis(a)[:, None] for a in linear), np.zeros((len(at), 3)))
-    return rms(at.free(COMMON * moved.reshape(-1, 1))[:, 0])
+    return rms(at.free(scale * moved.reshape(-1, 1))[:, 0])
 
 
 def _some(places: set[str]) -> str:
@@ -236,6 +273,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),
         **({"common_scale_um": round(proposal.common_scale, 4)} if proposal.common_scale else {}),
+        **({"bar_um_per_um": round(proposal.bar[1], 4)} if proposal.bar else {}),
         "promise": {
             "rms_before_um": figure(promised.rms_before),
             "rms_after_um": figure(promised.rms_after),

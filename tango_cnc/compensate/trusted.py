@@ -72,12 +72,16 @@ def kept_as_promised(best: Fit, result: Estimate, wrong: Collection[str]) -> Non
         )
 
 
-def words_as_promised(found: Known, result: Estimate, wrong: Collection[str], at: Poses) -> None:
-    """what a program's words are moved by, estimate, labels that something named makes wrong, poses of what was touched → nothing.
+def words_as_promised(
+    found: Known, result: Estimate, wrong: Collection[str], at: Poses, command: str = "compensate", still: bool = True
+) -> None:
+    """what words are moved by, or a prediction rests on, estimate, labels that something named makes wrong, poses of what was
+    touched, the command → nothing.
 
-    Raises TangoError where these would move the tip by more than the scatter of the estimate does. Reversal is in no word.
+    Raises TangoError where these would move the tip by more than the scatter of the estimate does. `still`: without reversal, which
+    is in no word.
     """
-    levers = at.free(found.levers(at, still=True))
+    levers = at.free(found.levers(at, still=still))
     own = {c.name: rms(levers[:, j] * found.values[j]) for j, c in enumerate(found.coefficients)}
     names = [name for name in own if result.selection.label(name) in wrong]
     rows = [j for j, c in enumerate(found.coefficients) if c.name in names]
@@ -85,10 +89,11 @@ def words_as_promised(found: Known, result: Estimate, wrong: Collection[str], at
     scatter = float(np.quantile(np.sqrt(np.sum((levers @ found.draws(DRAWS)) ** 2, axis=0) / len(at)), 0.975)) * 1e3
     if size > scatter:
         labels = _some([result.selection.label(name) for name in sorted(names, key=lambda name: -own[name])])
+        what, done = ("what the words would be moved by", "written") if still else ("what would be predicted", "predicted")
         raise TangoError(
-            f"compensate: {size:.1f} µm of what the words would be moved by come from {labels}, and the mistake named above makes "
-            f"these wrong; the scatter of the estimate is up to {scatter:.2f} µm. Nothing was written. Mend the mistake and "
-            "compensate anew. Where you know that there is no mistake: --despite"
+            f"{command}: {size:.1f} µm of {what} come from {labels}, and the mistake named above makes "
+            f"these wrong; the scatter of the estimate is up to {scatter:.2f} µm. Nothing was {done}. Mend the mistake and "
+            f"{command} anew. Where you know that there is no mistake: --despite"
         )
 
 

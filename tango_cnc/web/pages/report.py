@@ -24,6 +24,7 @@ SANDBOX = (
     "form-action 'none'; frame-ancestors 'self'; base-uri 'none'"
 )
 NAMES = ("report.html", "morning.html")
+OF_ANY_NIGHT = {"end_utc": "0000", "simulated": True}  # every complete run is newer: it is held against the report alone
 PAIR = 120.0  # s within which one command writes the report in both units
 
 
@@ -75,7 +76,7 @@ def _framed(request: Request, machine: Served, night: str, back: str, made_up: b
     """request, machine, date of a night or '', address of its page, whether no machine was measured, whether a file of the night is
     in mm on pages in inch → the page around a report.
     """
-    from .machine import answer_today
+    from .machine import answer_today, ran_since
 
     values: dict[str, Any] = {
         "machine": machine,
@@ -85,6 +86,7 @@ def _framed(request: Request, machine: Served, night: str, back: str, made_up: b
         "simulated": made_up,
         "kept": request.path_params.get("name") == "morning.html",
         "in_mm": in_mm,
+        "newer": "" if back else ran_since(state_of(request), machine, OF_ANY_NIGHT),
         "in_doubt": not back and _in_doubt(machine, state_of(request).units.system),
     }
     answer = page(request, "framed.html", **values, today=answer_today(request, machine))
