@@ -16,6 +16,7 @@ from .alarms import Known
 
 ALIKE = "scales"  # cause and parameter of linear scales that change together
 AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
+MOSTLY_ONE, SEVERAL = 0.5, 3  # the same share where more steps than these were made
 ONE_STEP, OTHERS = 0.3, 5.0  # share of a change, and times the usual step, from which one night made a part of it by itself
 Place = int | tuple[int, ...]  # of what is followed; several of them: their mean
 
@@ -100,8 +101,16 @@ def is_steady(values: Sequence[float], size: float) -> bool:
     """values of the nights, how far it has gone → whether it went night after night, and not a large part of it in one."""
     steps = np.abs(np.diff(values))
     largest = float(np.max(steps, initial=0.0))
-    stands_out = len(steps) > 3 and largest > OTHERS * float(np.median(steps))
-    return largest < (ONE_STEP if stands_out else AT_ONCE) * abs(size)
+    several = len(steps) > SEVERAL
+    stands_out = several and largest > OTHERS * float(np.median(steps))
+    return largest < (ONE_STEP if stands_out else MOSTLY_ONE if several else AT_ONCE) * abs(size)
+
+
+def largest_step(values: Sequence[float]) -> tuple[int, float]:
+    """values of the nights, newest first → place of the night that made the largest step, and that step."""
+    steps = -np.diff(values)
+    place = int(np.argmax(np.abs(steps)))
+    return place, float(steps[place])
 
 
 def only(k: Known, i: Place, size: float) -> Array:

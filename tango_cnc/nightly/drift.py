@@ -22,11 +22,13 @@ from .course import (
     cause_of,
     followed,
     is_steady,
+    largest_step,
     name_of,
     names_of,
     now_of,
     only,
 )
+from .dates import date_of
 from .words import a_day, as_recorded, changed, one_day, sizes_of, value, what_of
 
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
@@ -55,6 +57,9 @@ class Drift:
     nights: float | None = None  # in how many days that is
     swings: tuple[str, int] | None = None  # how it swings with the temperature (µm/K), over how many nights (nightly/swings.py)
     alike: Mapping[str, float] = field(default_factory=dict)  # locations that no touch tells from it, by how much for 1 of it
+    step: float | None = None  # that one night made by itself, where it is not steady and other nights have added to it
+    stepped: str = ""  # date of that night
+    mean_of: int = 0  # nights of two means that differ so, of what goes to and fro from night to night
 
     @property
     def text(self) -> str:
@@ -66,8 +71,11 @@ class Drift:
             moved = changed(self.parameter, size, self.since, self.alike, sizes_of(self.alike, self.size, self.std))
         if self.swings:
             return say("night.sensors.swings", text=moved, name=self.parameter, rate=self.swings[0], count=self.swings[1])
+        if self.mean_of:
+            return texts()("changed.beside_sway", moved=moved, count=self.mean_of)
         if not self.steady:
-            return moved
+            told = None if self.step is None else value(self.step, self.unit)
+            return moved if told is None else texts()("changed.one_night", moved=moved, step=told, night=self.stepped)
         moved = a_day(moved, self.rate_per_day, self.unit, self.alike)
         if self.nights is None:
             return moved
@@ -115,10 +123,17 @@ def drift_of(
     begun = float(record["state"]["day"])
     between = [r for r in records if r.get("state") and r.get("parameters") and r["state"]["day"] >= begun]
     known = [[r["parameters"].get(n, {}).get("value") for n in names_of(k, i)] for r in between]
-    steady = is_steady([now_of(i, after)[0], *(float(np.mean(row)) for row in known if None not in row)], size)
+    whole = [(r, float(np.mean(row))) for r, row in zip(between, known, strict=True) if None not in row]
+    values = [now_of(i, after)[0], *(mean for _, mean in whole)]
+    steady, made = is_steady(values, size), dict[str, Any]()
+    if not steady and len(whole) > 1:
+        place, step = largest_step(values)
+        made = {"step": step, "stepped": str(whole[place - 1][0]["night"]) if place else date_of(after.day)}
     do = drift_do(cause, name) if steady and name != ALIKE else do
     rate, same = size / max(after.day - begun, 1e-3), alike(k.cell.machine, name)
-    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms, alike=same)
+    return Drift(
+        name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms, alike=same, **made
+    )
 
 
 def drift_do(cause: str, name: str) -> str:

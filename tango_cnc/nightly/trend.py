@@ -36,6 +36,7 @@ from .course import (
 )
 from .creep import creeping
 from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
+from .sway import swayed
 from .words import one_day, pace_of, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
@@ -62,6 +63,7 @@ def drift(
     """
     found = _beyond(k, records, after, scale) or creeping(k, records, after, limits, gone)
     found = _young(k, records, after) if found is None else _as_begun(k, found, records, after)
+    found = swayed(k, records, after) if found is None else found
     return None if found is None else limited(k, found, after, limits, gone)
 
 
