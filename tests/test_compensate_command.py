@@ -52,6 +52,14 @@ def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> 
     assert [e["event"] for e in loop.history(mill)] == ["proposed"]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("settings", "said"), [((), False), (("--set", "sign=1"), True)])
+def test_files_that_no_reader_has_read_back_are_said_to_be_that(cell: Path, settings: tuple[str, ...], said: bool) -> None:
+    done = run("compensate", "-C", cell, "--target", "fanuc", "--dry-run", *settings)
+    assert done.exit_code == 0, done.output
+    assert ("the files were not read back" in " ".join(done.output.split())) == said
+
+
 def test_the_promise_is_of_the_files_as_the_control_reads_them(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sign that is wrong in the files alone was in no promise: it was of the numbers that were to be written."""
     module = targets.load("linuxcnc")

@@ -17,6 +17,10 @@ from ..identify.words import summary
 from ..records import Cell, InputError, Machine
 from ._common import table
 
+UNREAD = (
+    "the promise is of these numbers: no reader of this program is of a control with these settings, so the files were not read "
+    "back. Compare them with the numbers below before they are loaded"
+)
 LEAST_WORSE = 0.1  # µm: a growth by less is rounding
 LISTED = 6  # names in a sentence
 WORTH_IT = 0.98  # of what a control leaves: programs that leave as much, but for the scatter of the draws, take nothing away
@@ -126,6 +130,7 @@ def text(proposal: Proposal) -> str:
         "",
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
         f"rounding to the increment costs {best.rounding:.2f} µm",
+        *([UNREAD] if proposal.unread else []),
         *(f"in none of these numbers: {said}" for said in summary(proposal.not_identifiable)),
         *(
             [f"every 10 µm/m of the absolute scale leave {proposal.common_scale:.2f} µm (rms) beside these figures"]

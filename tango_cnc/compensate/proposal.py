@@ -49,6 +49,7 @@ class Proposal:
     common_scale: float = 0.0  # µm rms over the volume that `COMMON` of it leaves, where no touch shows it; 0: they do
     bar: tuple[float, float] | None = None  # µm, of a scale bar: standard uncertainty, rms over the volume for each µm it is off
     doubts: tuple[str, ...] = ()  # whether the present values are those of this machine, in sentences
+    unread: bool = False  # whether no reader is of a control with these settings: the promise is of the numbers, not of the files
 
     @property
     def held(self) -> tuple[Held, ...]:
@@ -129,6 +130,7 @@ def propose(
     off = np.where(holds.pinned, 0.0, unseen)
     unseen, other = (0 * off, off) if tcp else (off, 0 * off)
     doubts = np.array([(hidden_by or {}).get(result.selection.label(c.name), 0.0) for c in found.coefficients])
+    acts = None
     if read_back is not None:
         change = holds.numbers(found, now, unseen)[1]
         written = _numbers(held, now, change)
@@ -159,6 +161,7 @@ def propose(
         _common(result, at),
         _bar(result, at),
         strange,
+        unread=read_back is not None and acts is None,
     )
 
 
